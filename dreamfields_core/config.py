@@ -1,0 +1,321 @@
+"""What decides a dream: one small frozen part for each concern, validated as a whole.
+
+The same definition serves the command line, the form of a deployment, the cache keys and the record of a run. A step of the
+pipeline reads only the parts it names, so that changing the mesh leaves the optimised field cached.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=1)]
+
+
+class ConfigError(ValueError):
+    """A setting that cannot be; its text is one sentence with the way out."""
+
+
+class Part(BaseModel):
+    """Frozen; a key it does not know is refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Range(Part):
+    """A closed interval to draw from uniformly; low = high means fixed."""
+
+    low: Finite
+    high: Finite
+
+    @model_validator(mode="after")
+    def ordered(self) -> Range:
+        if self.low > self.high:
+            raise ValueError(f"expected low <= high, got low={self.low} and high={self.high}")
+        return self
+
+
+class SceneConfig(Part):
+    """Where the object may be (paper section 4.5).
+
+    bound: half-side of the cube outside of which density is zero.
+    track_origin: follow the centre of mass of the density.
+    origin_decay: of the moving average that follows it, per step.
+    """
+
+    bound: Positive = 1.0
+    track_origin: bool = True
+    origin_decay: Share = 0.999
+
+
+class CameraConfig(Part):
+    """Poses drawn in training (paper section 4.3); angles in degrees, radius in world units, focal in image widths.
+
+    views: poses a step; their azimuths are drawn evenly spaced with a common random turn and an own jitter of half a gap.
+    """
+
+    azimuth: Range = Range(low=0.0, high=360.0)
+    elevation: Range = Range(low=30.0, high=30.0)
+    radius: Range = Range(low=4.0, high=4.0)
+    focal: Range = Range(low=1.2 * 1111.1111 / 800, high=1.2 * 1111.1111 / 800)
+    views: Count = 1
+
+
+class ResidualMLPConfig(Part):
+    """The paper's network (section 4.6): integrated random Fourier features into residual blocks."""
+
+    kind: Literal["residual_mlp"] = "residual_mlp"
+    frequencies: Count = 128
+    levels: Positive = 8.0
+    width: Count = 128
+    bottleneck: Count = 256
+    blocks: Count = 4
+
+
+class HybridConfig(Part):
+    """Feature grids of several resolutions and a small network, as the paper's appendix B proposes.
+
+    resolutions: cells a side of each grid, coarse to fine.
+    features: numbers stored at each vertex of each grid.
+    width, depth: of the network that reads them.
+    blob: height of the initial Gaussian bump of raw density at the centre.
+    blob_radius: its standard deviation, world units.
+    density_scale: density is this times the softplus of the raw value.
+    smoothness: weight of the total variation of the grids in the loss.
+    """
+
+    kind: Literal["hybrid"] = "hybrid"
+    resolutions: tuple[Count, ...] = (6, 12, 24, 40)
+    features: Count = 4
+    width: Count = 32
+    depth: Annotated[int, Field(ge=0)] = 1
+    blob: Finite = 3.0
+    blob_radius: Positive = 0.45
+    density_scale: Positive = 20.0
+    smoothness: NonNegative = 0.02
+
+
+FieldConfig = Annotated[ResidualMLPConfig | HybridConfig, Field(discriminator="kind")]
+
+
+class SkipConfig(Part):
+    """What a scene does not need and the renderer leaves out; every saving can be switched off.
+
+    enabled: False evaluates every sample of every ray (the dense path).
+    resolution: cells a side of the occupancy grid.
+    warmup_steps: steps at the start that evaluate every sample inside the cube.
+    refresh_every: steps between refreshes of the grid.
+    decay: of the running maximum of optical depth in a cell, per refresh.
+    threshold: a cell counts as empty below this optical depth a step length.
+    explore: share of the samples in empty cells that is evaluated all the same, weighted up so that expectations hold.
+    terminate: transmittance below which nothing further along the ray is evaluated.
+    chunk: samples evaluated at once; bounds the memory, not the result.
+    """
+
+    enabled: bool = True
+    resolution: Count = 32
+    warmup_steps: Annotated[int, Field(ge=0)] = 64
+    refresh_every: Count = 16
+    decay: Share = 0.9
+    threshold: NonNegative = 1e-3
+    explore: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.02
+    terminate: Share = 1e-4
+    chunk: Count = 16384
+
+
+class RenderConfig(Part):
+    """Training pictures.
+
+    size: side in pixels. crop: side of the random crop that the encoder sees, at most size.
+    samples: how many step lengths fit along the cube's diagonal.
+    """
+
+    size: Count = 168
+    crop: Count = 154
+    samples: Count = 192
+    skip: SkipConfig = SkipConfig()
+
+    @model_validator(mode="after")
+    def crop_fits(self) -> RenderConfig:
+        if self.crop > self.size:
+            raise ValueError(f"expected render.crop <= render.size, got crop={self.crop} and size={self.size}")
+        return self
+
+
+Background = Literal["noise", "checkerboard", "fourier", "solid", "white"]
+
+
+class AugmentConfig(Part):
+    """Backgrounds behind the object in training (paper section 4.4), drawn evenly from the kinds named.
+
+    copies: augmented copies of every view.
+    blur: largest standard deviation of the Gaussian blur of the background, pixels.
+    checkers: squares a side of the checkerboard.
+    """
+
+    backgrounds: Annotated[tuple[Background, ...], Field(min_length=1)] = ("noise", "checkerboard", "fourier")
+    blur: NonNegative = 10.0
+    checkers: Count = 8
+    copies: Count = 8
+
+
+class GuidanceConfig(Part):
+    """The image-text model that the field is optimised with."""
+
+    name: Annotated[str, Field(min_length=1)] = "embedded"
+
+
+class LossConfig(Part):
+    """Clipped additive transmittance loss (paper equations 5 and 6).
+
+    transmittance: weight lambda. opacity_start -> opacity_end: target mean opacity, annealed geometrically over
+    anneal_steps, at focal 1.2 x 1111.1/800 image widths and radius 4; it scales with focal^2 / radius^2.
+    """
+
+    transmittance: NonNegative = 0.5
+    opacity_start: Share = 0.5
+    opacity_end: Annotated[float, Field(gt=0, le=1)] = 0.1
+    anneal_steps: Count = 500
+
+
+class OptimConfig(Part):
+    """Adam (paper appendix C): rate_start -> rate geometrically over warmup_steps, then constant or to rate_end by a cosine.
+
+    checkpoint_every: steps between checkpoints.
+    patience: bad steps (non-finite loss or gradient) in a row before the run goes back to its last checkpoint with half the rate.
+    """
+
+    steps: Count = 10_000
+    rate_start: Positive = 1e-5
+    rate: Positive = 1e-4
+    warmup_steps: Annotated[int, Field(ge=0)] = 1500
+    rate_end: Positive | None = None
+    epsilon: Positive = 1e-5
+    checkpoint_every: Count = 500
+    patience: Count = 5
+
+
+class EvaluateConfig(Part):
+    """The held-out views (paper section 5.1): white background, no crop, no jitter; then the judge.
+
+    azimuths: of the scored views, the first is the paper's. size: None means the judge's own input size.
+    pool: captions to retrieve among, the true one included. picture_size: of the contact sheet's and turntable's views.
+    """
+
+    azimuths: Annotated[tuple[Finite, ...], Field(min_length=1)] = (30.0, 120.0, 210.0, 300.0)
+    elevation: Finite = 45.0
+    radius: Positive = 4.0
+    focal: Positive = 1111.1111 / 800
+    samples: Count = 512
+    size: Count | None = None
+    judge: Annotated[str, Field(min_length=1)] = "embedded-judge"
+    pool: Annotated[int, Field(ge=2)] = 153
+    picture_size: Count = 256
+    turntable_frames: Count = 36
+
+
+class MeshConfig(Part):
+    """resolution: cells a side of the finest lattice. faces: budget after simplification. level: density of the surface;
+    None chooses the one whose silhouettes agree best with the field's opacity."""
+
+    resolution: Annotated[int, Field(ge=16, le=1024)] = 128
+    faces: Annotated[int, Field(ge=4)] = 20_000
+    level: Positive | None = None
+
+
+class DreamConfig(Part):
+    """All that decides a dream besides its caption."""
+
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    scene: SceneConfig = SceneConfig()
+    camera: CameraConfig = CameraConfig()
+    field: FieldConfig = ResidualMLPConfig()
+    render: RenderConfig = RenderConfig()
+    augment: AugmentConfig = AugmentConfig()
+    guidance: GuidanceConfig = GuidanceConfig()
+    loss: LossConfig = LossConfig()
+    optim: OptimConfig = OptimConfig()
+    evaluate: EvaluateConfig = EvaluateConfig()
+    mesh: MeshConfig = MeshConfig()
+
+
+def parts(config: DreamConfig, names: tuple[str, ...]) -> dict[str, Any]:
+    """The named parts as JSON-able values: what a step's cache key is made of. A name may be dotted, "guidance.name"."""
+    dumped = config.model_dump(mode="json")
+
+    def pick(name: str) -> Any:
+        value: Any = dumped
+        for step in name.split("."):
+            value = value[step]
+        return value
+
+    return {name: pick(name) for name in names}
+
+
+def override(config: DreamConfig, assignments: tuple[str, ...]) -> DreamConfig:
+    """Apply `part.key=value` assignments, the value read as JSON where it is JSON, else as text.
+
+    Raises:
+      ConfigError: an assignment without "=", an unknown key or an impossible value.
+    """
+    values = config.model_dump(mode="json")
+    for assignment in assignments:
+        key, equals, text = assignment.partition("=")
+        if not equals or not key.strip():
+            raise ConfigError(f'expected part.key=value, got "{assignment}": write for instance --set mesh.faces=5000')
+        _assign(values, key.strip(), _read(text.strip()), assignment)
+    return validate(values)
+
+
+def validate(values: dict[str, Any]) -> DreamConfig:
+    """Build a config from plain values.
+
+    Raises:
+      ConfigError: one sentence naming the first setting that cannot be, what was expected, and what came.
+    """
+    try:
+        return DreamConfig.model_validate(values)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(step) for step in first["loc"] if step not in ("residual_mlp", "hybrid")) or "config"
+        problem = first["msg"].removeprefix("Value error, ")
+        problem = problem[0].lower() + problem[1:]
+        if first["type"] == "extra_forbidden":
+            raise ConfigError(f'there is no setting "{place}": `dreamfields settings` lists those there are') from None
+        if first["type"] == "value_error":
+            raise ConfigError(f"{place}: {problem}") from None
+        raise ConfigError(f"{place}: {problem}, got {_brief(first['input'])}; change it with --set {place}=VALUE") from None
+
+
+def _brief(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _read(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text
+
+
+def _assign(values: dict[str, Any], key: str, value: Any, assignment: str) -> None:
+    *path, last = key.split(".")
+    place: Any = values
+    for name in path:
+        if not isinstance(place, dict) or name not in place:
+            raise ConfigError(f'there is no setting "{key}" (in "{assignment}"): `dreamfields settings` lists those there are')
+        place = place[name]
+    if not isinstance(place, dict) or last not in place:
+        raise ConfigError(f'there is no setting "{key}" (in "{assignment}"): `dreamfields settings` lists those there are')
+    if key == "field.kind" and place[last] != value:
+        # Another kind has other settings: the ones of the old kind mean nothing to it.
+        values["field"] = {"kind": value}
+    else:
+        place[last] = value

@@ -1,0 +1,1 @@
+"""Which task follows which: flows that read as prose, and the command line."""
