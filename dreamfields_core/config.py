@@ -82,21 +82,26 @@ class HybridConfig(Part):
     """Feature grids of several resolutions and a small network, as the paper's appendix B proposes.
 
     resolutions: cells a side of each grid, coarse to fine.
-    features: numbers stored at each vertex of each grid.
-    width, depth: of the network that reads them.
-    blob: height of the initial Gaussian bump of raw density at the centre.
-    blob_radius: its standard deviation, world units.
+    falloff: weight of each grid relative to the one before.
+    features: numbers stored at each vertex.
+    width, depth: of the network that reads them; depth 0 stores raw density and colour logits themselves.
+    blob, empty: raw density that the field starts from at the centre and far from it.
+    blob_radius: standard deviation of that initial ball, world units.
+    spread: standard deviation of the initial features.
     density_scale: density is this times the softplus of the raw value.
     smoothness: weight of the total variation of the grids in the loss.
     """
 
     kind: Literal["hybrid"] = "hybrid"
-    resolutions: tuple[Count, ...] = (6, 12, 24, 40)
-    features: Count = 4
+    resolutions: Annotated[tuple[Count, ...], Field(min_length=1)] = (6, 12, 24, 40)
+    falloff: Share = 0.7
+    features: Count = 8
     width: Count = 32
     depth: Annotated[int, Field(ge=0)] = 1
-    blob: Finite = 3.0
-    blob_radius: Positive = 0.45
+    blob: Finite = 0.0
+    empty: Finite = -6.0
+    blob_radius: Positive = 0.4
+    spread: NonNegative = 0.05
     density_scale: Positive = 20.0
     smoothness: NonNegative = 0.02
 
@@ -174,8 +179,8 @@ class GuidanceConfig(Part):
 class LossConfig(Part):
     """Clipped additive transmittance loss (paper equations 5 and 6).
 
-    transmittance: weight lambda. opacity_start -> opacity_end: target mean opacity, annealed geometrically over
-    anneal_steps, at focal 1.2 x 1111.1/800 image widths and radius 4; it scales with focal^2 / radius^2.
+    transmittance: weight lambda. opacity_start -> opacity_end: target mean opacity, annealed geometrically over anneal_steps,
+    then times m^2 / 1.2 / (radius / 4)^2 with focal = m x 1111.1/800: the area that the object fills in the picture stays its own.
     """
 
     transmittance: NonNegative = 0.5

@@ -3,7 +3,7 @@
 Conventions, stated once:
 
 * World space is right-handed with Z up. The scene is a cube of half-side `bound` about an origin.
-* Images are [..., height, width, channel], row 0 at the top, colour in [0, 1], linear in the sense that nothing is gamma-corrected.
+* Images are [..., height, width, channel], row 0 at the top, colour in [0, 1] as a display shows it (sRGB values; nothing is linearised).
 * Colour is premultiplied by opacity unless a name says otherwise: what stands on a background is `color + transmittance * background`.
 * Angles are degrees in configurations and radians in functions whose argument says so.
 """
@@ -41,7 +41,7 @@ class Rays:
 class Gaussians:
     """Conical frustums approximated by Gaussians (mip-NeRF, equation 8), kept as two variances instead of a 3 x 3 matrix.
 
-    means: [..., 3] positions relative to the scene's origin.
+    means: [..., 3] positions, world space.
     directions: [..., 3] unit direction of the ray each one lies on.
     along: [...] variance along the ray.
     across: [...] variance perpendicular to the ray.

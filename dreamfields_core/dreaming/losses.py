@@ -1,0 +1,22 @@
+"""What a dream minimises (paper sections 3.2 and 4.4)."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+
+from dreamfields_core.types import Array
+
+
+def similarity(image_embeddings: Array, text_embedding: Array) -> Array:
+    """Mean cosine of unit vectors [B, dim] with the caption's [dim]; minus this is the paper's L_CLIP (equation 4)."""
+    return jnp.mean(image_embeddings @ text_embedding)
+
+
+def clipped_transmittance(transmittance: Array, target: Array) -> Array:
+    """L_T = -min(tau, mean T), paper equation 5, averaged over views.
+
+    Args:
+      transmittance: [V, H, W] in [0, 1].
+      target: [V], tau of each view.
+    """
+    return -jnp.mean(jnp.minimum(target, jnp.mean(transmittance, axis=(1, 2))))

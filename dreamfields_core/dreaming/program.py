@@ -1,0 +1,166 @@
+"""One step of a dream (paper section 4.2): pose, render, augment, encode, compare, and move the field.
+
+Everything random in step n comes from fold_in(key(seed), n), so a step is a pure function of the state, and a run that was
+stopped goes on as if it had not been.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+
+from dreamfields_core.config import DreamConfig
+from dreamfields_core.dreaming.augmentations import augmented_copies
+from dreamfields_core.dreaming.losses import clipped_transmittance, similarity
+from dreamfields_core.dreaming.schedules import learning_rate, target_transmittance
+from dreamfields_core.dreaming.state import DreamState
+from dreamfields_core.fields import build_field
+from dreamfields_core.rendering.images import on_white
+from dreamfields_core.rendering.occupancy import Occupancy, refresh, unknown_occupancy
+from dreamfields_core.rendering.render import Tally, render_rays
+from dreamfields_core.scene.cameras import Pose, camera_rays, poses_at, sample_poses
+from dreamfields_core.scene.origin import track_origin
+from dreamfields_core.types import Array, Encoder, Params, Rays, Rendering
+
+Metrics = dict[str, Array]
+
+
+class DreamProgram:
+    """The compiled step for one configuration and one guidance model.
+
+    `start` gives the state before the first step; `step` takes (state, text_embedding [dim]) to (state, metrics), without
+    waiting for the device; `preview` renders a small picture.
+    """
+
+    def __init__(self, config: DreamConfig, encoder: Encoder) -> None:
+        self.config = config
+        self.field = build_field(config.field, bound=config.scene.bound)
+        self._encoder = encoder
+        self._adam = optax.scale_by_adam(eps=config.optim.epsilon)
+        self._step = jax.jit(self._advance, donate_argnums=0)
+        self._preview = jax.jit(partial(self._render_preview))
+
+    def start(self) -> DreamState:
+        """The state before the first step; decided by the configuration's seed alone."""
+        params = jax.jit(self.field.init)(jax.random.fold_in(jax.random.key(self.config.seed), 2**31))
+        return DreamState(
+            step=jnp.zeros((), jnp.int32),
+            params=params,
+            opt_state=self._adam.init(params),
+            origin=jnp.zeros(3),
+            occupancy=unknown_occupancy(self.config.render.skip.resolution),
+            rate_scale=jnp.ones(()),
+            bad=jnp.zeros((), jnp.int32),
+        )
+
+    def step(self, state: DreamState, text_embedding: Array) -> tuple[DreamState, Metrics]:
+        """Take one step; `state` is consumed. A step whose loss or gradient is not finite changes nothing but `bad`."""
+        return self._step(state, self._encoder.params, text_embedding)
+
+    def preview(self, state: DreamState, *, azimuth: float = 30.0) -> np.ndarray:
+        """A picture of the training size on white, uint8 [H, W, 3]."""
+        camera, evaluate = self.config.camera, self.config.evaluate
+        elevation = 0.5 * (camera.elevation.low + camera.elevation.high)
+        pose = poses_at([azimuth], elevation, radius=evaluate.radius, focal=0.5 * (camera.focal.low + camera.focal.high))
+        picture = on_white(jax.device_get(self._preview(state, pose)))
+        return np.round(255 * picture[0]).astype(np.uint8)
+
+    def _advance(self, state: DreamState, encoder_params: Params, text_embedding: Array) -> tuple[DreamState, Metrics]:
+        optim, scene = self.config.optim, self.config.scene
+        key = jax.random.fold_in(jax.random.key(self.config.seed), state.step)
+        pose_key, render_key, augment_key, occupancy_key = jax.random.split(key, 4)
+        occupancy = self._occupancy(occupancy_key, state)
+        pose = sample_poses(pose_key, self.config.camera)
+
+        def objective(params: Params) -> tuple[Array, tuple[Metrics, Tally]]:
+            prepared = self.field.prepare(params)
+            views, tally = self._render(render_key, prepared, pose, state.origin, occupancy)
+            return self._loss(augment_key, prepared, views, tally, pose, state.step, encoder_params, text_embedding)
+
+        (loss, (metrics, tally)), gradient = jax.value_and_grad(objective, has_aux=True)(state.params)
+        finite = jnp.isfinite(loss) & jnp.isfinite(optax.global_norm(gradient))
+        direction, opt_state = self._adam.update(gradient, state.opt_state)
+        rate = learning_rate(state.step, optim) * state.rate_scale
+        moved = jax.tree.map(lambda value, update: value - rate * update, state.params, direction)
+        origin = track_origin(state.origin, tally.mass, tally.moment, decay=scene.origin_decay) if scene.track_origin else state.origin
+        keep = partial(jax.tree.map, lambda new, old: jnp.where(finite, new, old))
+        after = DreamState(
+            step=state.step + 1,
+            params=keep(moved, state.params),
+            opt_state=keep(opt_state, state.opt_state),
+            origin=keep(origin, state.origin),
+            occupancy=keep(occupancy, state.occupancy),
+            rate_scale=state.rate_scale,
+            bad=jnp.where(finite, 0, state.bad + 1),
+        )
+        return after, metrics | {"loss": loss, "rate": rate, "bad": after.bad}
+
+    def _loss(
+        self,
+        key: Array,
+        prepared: Params,
+        views: Rendering,
+        tally: Tally,
+        pose: Pose,
+        step: Array,
+        encoder_params: Params,
+        text_embedding: Array,
+    ) -> tuple[Array, tuple[Metrics, Tally]]:
+        """L_CLIP + lambda L_T (paper equation 6) + the field's own penalty."""
+        config = self.config
+        copies = augmented_copies(key, views, augment=config.augment, crop=config.render.crop)
+        score = similarity(self._encoder.encode_image(encoder_params, copies), text_embedding)
+        target = target_transmittance(step, pose, config.loss)
+        loss = (
+            -score
+            + config.loss.transmittance * clipped_transmittance(views.transmittance, target)
+            + self.field.penalty(prepared)
+        )
+        metrics = {
+            "similarity": score,
+            "transmittance": jnp.mean(views.transmittance),
+            "target": jnp.mean(target),
+            "evaluated": tally.evaluated / tally.possible,
+        }
+        return loss, (metrics, tally)
+
+    def _render(
+        self, key: Array | None, prepared: Params, pose: Pose, origin: Array, occupancy: Occupancy
+    ) -> tuple[Rendering, Tally]:
+        """Views of shape [V, size, size]."""
+        render = self.config.render
+        rays = camera_rays(pose, origin, size=render.size)
+        shape = rays.radii.shape[:-1]
+        flat: Rays = jax.tree.map(lambda leaf: leaf.reshape(-1, leaf.shape[-1]), rays)
+        rendering, tally = render_rays(
+            key,
+            self.field,
+            prepared,
+            flat,
+            origin,
+            occupancy,
+            samples=render.samples,
+            bound=self.config.scene.bound,
+            skip=render.skip,
+        )
+        return jax.tree.map(lambda leaf: leaf.reshape(*shape, *leaf.shape[1:]), rendering), tally
+
+    def _render_preview(self, state: DreamState, pose: Pose) -> Rendering:
+        return self._render(None, self.field.prepare(state.params), pose, state.origin, state.occupancy)[0]
+
+    def _occupancy(self, key: Array, state: DreamState) -> Occupancy:
+        """Refreshed every so often, once the object has begun to form."""
+        skip = self.config.render.skip
+        due = (state.step >= skip.warmup_steps) & (state.step % skip.refresh_every == 0)
+        if not skip.enabled:
+            return state.occupancy
+
+        def ask() -> Occupancy:
+            prepared = self.field.prepare(state.params)
+            return refresh(key, state.occupancy, self.field, prepared, state.origin, bound=self.config.scene.bound, decay=skip.decay)
+
+        return jax.lax.cond(due, ask, lambda: state.occupancy)

@@ -1,0 +1,56 @@
+"""Feature grids: resampling one to another resolution, reading between its vertices, and how rough it is.
+
+Symbols: a grid of resolution G has (G + 1)^3 vertices, the outer ones on the faces of the cube of half-side `bound`.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import jax.numpy as jnp
+import numpy as np
+
+from dreamfields_core.types import Array
+
+
+def resampling_matrix(coarse: int, fine: int) -> np.ndarray:
+    """[fine + 1, coarse + 1] weights of linear interpolation along one axis."""
+    place = np.arange(fine + 1) * (coarse / fine)
+    distance = np.abs(place[:, None] - np.arange(coarse + 1)[None, :])
+    return np.maximum(0.0, 1.0 - distance).astype(np.float32)
+
+
+def resample(grid: Array, *, resolution: int) -> Array:
+    """Trilinear resampling of [g+1, g+1, g+1, C] to [G+1, G+1, G+1, C], one axis after another."""
+    matrix = jnp.asarray(resampling_matrix(grid.shape[0] - 1, resolution))
+    grid = jnp.einsum("xi,ijkc->xjkc", matrix, grid)
+    grid = jnp.einsum("yj,xjkc->xykc", matrix, grid)
+    return jnp.einsum("zk,xykc->xyzc", matrix, grid)
+
+
+def read_grid(grid: Array, points: Array, *, bound: float) -> Array:
+    """Trilinear interpolation of grid [G+1, G+1, G+1, C] at points [N, 3]; outside the cube, the nearest face's value.
+
+    Returns [N, C].
+    """
+    resolution = grid.shape[0] - 1
+    place = jnp.clip((points / bound + 1.0) * (0.5 * resolution), 0.0, resolution)
+    corner = jnp.minimum(place.astype(jnp.int32), resolution - 1)
+    fraction = place - corner
+    rows = grid.reshape(-1, grid.shape[-1])
+    side = resolution + 1
+    first = (corner[:, 0] * side + corner[:, 1]) * side + corner[:, 2]
+    total = jnp.zeros((points.shape[0], grid.shape[-1]), grid.dtype)
+    for x, y, z in itertools.product((0, 1), repeat=3):
+        weight = _share(fraction[:, 0], x) * _share(fraction[:, 1], y) * _share(fraction[:, 2], z)
+        total = total + weight[:, None] * rows[first + (x * side + y) * side + z]
+    return total
+
+
+def total_variation(grid: Array) -> Array:
+    """Mean squared difference between neighbouring vertices, summed over the axes; []."""
+    return sum((jnp.mean(jnp.diff(grid, axis=axis) ** 2) for axis in range(3)), start=jnp.zeros(()))
+
+
+def _share(fraction: Array, side: int) -> Array:
+    return fraction if side else 1.0 - fraction

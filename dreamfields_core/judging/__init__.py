@@ -1,0 +1,1 @@
+"""Is it what was asked for? Retrieval of the caption from pictures (paper section 5.1)."""

@@ -1,0 +1,105 @@
+"""Ask the field only where it matters: the chosen samples are packed and evaluated chunk by chunk.
+
+Of N samples a mask keeps M. The loop over ceil(M / chunk) chunks has a trip count that is known only while running, so one
+compiled program serves empty and full scenes: no bucket overflows and nothing is dropped. The gradient runs the same loop
+again and evaluates each chunk anew, so that memory is that of one chunk however many samples there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from dreamfields_core.types import Array, Gaussians, Params
+
+Apply = Callable[[Params, Gaussians], tuple[Array, Array]]
+GaussiansAt = Callable[[Any, Array], Gaussians]
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(0, 1, 2))
+def evaluate_packed(
+    apply: Apply, gaussians_at: GaussiansAt, chunk: int, prepared: Params, samples: Any, mask: Array
+) -> tuple[Array, Array]:
+    """The field at the samples that `mask` keeps.
+
+    Args:
+      apply: the field, (prepared, gaussians [n]) -> raw [n], color [n, 3].
+      gaussians_at: (samples, flat indices [n]) -> gaussians [n].
+      chunk: samples evaluated at once.
+      prepared: the field's parameters; differentiated.
+      samples: whatever `gaussians_at` reads; not differentiated.
+      mask: [N] bool.
+
+    Returns:
+      raw [N] and color [N, 3]; zeros where the mask is False.
+    """
+    return _forward(apply, gaussians_at, chunk, prepared, samples, mask)[0]
+
+
+def _forward(
+    apply: Apply, gaussians_at: GaussiansAt, chunk: int, prepared: Params, samples: Any, mask: Array
+) -> tuple[tuple[Array, Array], Any]:
+    counts = jnp.cumsum(mask, dtype=jnp.int32)
+    capacity = -(-mask.shape[0] // chunk) * chunk
+
+    def body(begin: Array, packed: Array) -> Array:
+        index, _ = _kept(counts, begin, chunk)
+        raw, color = apply(prepared, gaussians_at(samples, index))
+        rows = jnp.concatenate([raw[:, None], color], axis=-1)
+        return jax.lax.dynamic_update_slice(packed, rows, (begin, 0))
+
+    packed = _over_chunks(counts, chunk, body, jnp.zeros((capacity, 4)))
+    spread = jnp.where(mask[:, None], packed[jnp.maximum(counts - 1, 0)], 0.0)
+    return (spread[:, 0], spread[:, 1:]), (prepared, samples, mask, counts)
+
+
+def _backward(
+    apply: Apply, gaussians_at: GaussiansAt, chunk: int, saved: Any, gradient: tuple[Array, Array]
+) -> tuple[Params, Any, Any]:
+    prepared, samples, mask, counts = saved
+    raw_gradient, color_gradient = gradient
+
+    def body(begin: Array, total: Params) -> Params:
+        index, kept = _kept(counts, begin, chunk)
+        gaussians = gaussians_at(samples, index)
+        _, pull = jax.vjp(lambda values: apply(values, gaussians), prepared)
+        raw = jnp.where(kept, raw_gradient[index], 0.0)
+        color = jnp.where(kept[:, None], color_gradient[index], 0.0)
+        return jax.tree.map(jnp.add, total, pull((raw, color))[0])
+
+    total = _over_chunks(counts, chunk, body, jax.tree.map(jnp.zeros_like, prepared))
+    return total, jax.tree.map(_no_gradient, samples), _no_gradient(mask)
+
+
+evaluate_packed.defvjp(_forward, _backward)
+
+
+def _kept(counts: Array, begin: Array, chunk: int) -> tuple[Array, Array]:
+    """Flat indices [chunk] of the kept samples number begin, begin + 1, ... and which of them exist."""
+    number = begin + jnp.arange(chunk, dtype=jnp.int32)
+    index = jnp.searchsorted(counts, number + 1, side="left").astype(jnp.int32)
+    return jnp.minimum(index, counts.shape[0] - 1), number < counts[-1]
+
+
+def _over_chunks(counts: Array, chunk: int, body: Callable[[Array, Any], Any], initial: Any) -> Any:
+    """Run body(begin, carry) for begin = 0, chunk, 2 chunk, ... below the number of kept samples."""
+
+    def more(state: tuple[Array, Any]) -> Array:
+        return state[0] < counts[-1]
+
+    def advance(state: tuple[Array, Any]) -> tuple[Array, Any]:
+        begin, carry = state
+        return begin + chunk, body(begin, carry)
+
+    return jax.lax.while_loop(more, advance, (jnp.int32(0), initial))[1]
+
+
+def _no_gradient(value: Array) -> Any:
+    if jnp.issubdtype(value.dtype, jnp.inexact):
+        return jnp.zeros_like(value)
+    return np.zeros(value.shape, jax.dtypes.float0)

@@ -1,0 +1,60 @@
+"""Which samples are worth asking the field for, and what the others stand for.
+
+Empty cells are still explored: each of their samples is kept with probability `explore` and its optical depth divided by
+`explore`, so that the expected optical depth of a ray, and its gradient, are those of evaluating everything.
+"""
+
+from __future__ import annotations
+
+import math
+
+import jax
+import jax.numpy as jnp
+
+from dreamfields_core.config import SkipConfig
+from dreamfields_core.rendering.occupancy import Occupancy, cell_index, occupied_cells
+from dreamfields_core.rendering.sampling import Samples
+from dreamfields_core.types import Array
+
+
+def choose_samples(
+    key: Array | None, samples: Samples, origin: Array, occupancy: Occupancy, *, bound: float, skip: SkipConfig
+) -> tuple[Array, Array]:
+    """What to evaluate.
+
+    Args:
+      key: None leaves empty cells out altogether, for pictures that nothing is learned from.
+      samples: [R, S].
+
+    Returns:
+      kept: [R, S] bool. weight: [R, S], by which a kept sample's optical depth is multiplied.
+    """
+    everything = jnp.ones(samples.length.shape, bool)
+    if not skip.enabled:
+        return everything, jnp.ones(samples.length.shape)
+    inside = samples.length > 0
+    points = samples.rays.origins[:, None] + samples.distances()[..., None] * samples.rays.directions[:, None]
+    cell = cell_index(points, origin, bound=bound, resolution=occupancy.resolution)
+    filled = occupied_cells(occupancy, step=samples.step, threshold=skip.threshold).reshape(-1)[cell]
+    kept = filled & ~_hidden(samples, occupancy.density.reshape(-1)[cell], terminate=skip.terminate)
+    weight = jnp.ones(samples.length.shape)
+    if key is not None:
+        explored = ~filled & (jax.random.uniform(key, filled.shape) < skip.explore)
+        kept = kept | explored
+        weight = jnp.where(explored, 1.0 / skip.explore, weight)
+    return kept & inside, weight
+
+
+def _hidden(samples: Samples, density: Array, *, terminate: float) -> Array:
+    """[R, S] behind a surface that is opaque by what is remembered.
+
+    The memory is a running maximum over a whole cell, so only half of it is believed, and a whole cell's diagonal of samples
+    behind the point where that suffices is still evaluated (the sum is exclusive, and cells hold several samples).
+    """
+    if terminate <= 0:
+        return jnp.zeros(samples.length.shape, bool)
+    believed = 0.5 * jnp.minimum(density, 1e6) * samples.length
+    before = jnp.cumsum(believed, axis=-1) - believed
+    return before > -math.log(terminate)
+
+
