@@ -115,11 +115,7 @@ class DreamProgram:
         copies = augmented_copies(key, views, augment=config.augment, crop=config.render.crop)
         score = similarity(self._encoder.encode_image(encoder_params, copies), text_embedding)
         target = target_transmittance(step, pose, config.loss)
-        loss = (
-            -score
-            + config.loss.transmittance * clipped_transmittance(views.transmittance, target)
-            + self.field.penalty(prepared)
-        )
+        loss = -score + config.loss.transmittance * clipped_transmittance(views.transmittance, target) + self.field.penalty(prepared)
         metrics = {
             "similarity": score,
             "transmittance": jnp.mean(views.transmittance),
@@ -128,9 +124,7 @@ class DreamProgram:
         }
         return loss, (metrics, tally)
 
-    def _render(
-        self, key: Array | None, prepared: Params, pose: Pose, origin: Array, occupancy: Occupancy
-    ) -> tuple[Rendering, Tally]:
+    def _render(self, key: Array | None, prepared: Params, pose: Pose, origin: Array, occupancy: Occupancy) -> tuple[Rendering, Tally]:
         """Views of shape [V, size, size]."""
         render = self.config.render
         rays = camera_rays(pose, origin, size=render.size)

@@ -31,9 +31,7 @@ def unknown_occupancy(resolution: int) -> Occupancy:
     return Occupancy(density=jnp.zeros((resolution,) * 3), known=jnp.zeros((), bool))
 
 
-def refresh(
-    key: Array, occupancy: Occupancy, field: Field, prepared: Params, origin: Array, *, bound: float, decay: float
-) -> Occupancy:
+def refresh(key: Array, occupancy: Occupancy, field: Field, prepared: Params, origin: Array, *, bound: float, decay: float) -> Occupancy:
     """Ask the field at one random point in every cell: density <- max(decay x density, what was found there)."""
     side = occupancy.resolution
     corners = jnp.stack(jnp.meshgrid(*(jnp.arange(side),) * 3, indexing="ij"), axis=-1).reshape(-1, 3)

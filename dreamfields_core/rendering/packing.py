@@ -58,9 +58,7 @@ def _forward(
     return (spread[:, 0], spread[:, 1:]), (prepared, samples, mask, counts)
 
 
-def _backward(
-    apply: Apply, gaussians_at: GaussiansAt, chunk: int, saved: Any, gradient: tuple[Array, Array]
-) -> tuple[Params, Any, Any]:
+def _backward(apply: Apply, gaussians_at: GaussiansAt, chunk: int, saved: Any, gradient: tuple[Array, Array]) -> tuple[Params, Any, Any]:
     prepared, samples, mask, counts = saved
     raw_gradient, color_gradient = gradient
 

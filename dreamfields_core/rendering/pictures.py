@@ -57,9 +57,7 @@ def png(image: np.ndarray) -> bytes:
 def webp_animation(frames: Sequence[np.ndarray], *, seconds_per_frame: float = 1 / 12) -> bytes:
     """Frames as an endless WebP loop."""
     first, *rest = [Image.fromarray(frame) for frame in frames]
-    return _encode(
-        first, "WEBP", save_all=True, append_images=rest, duration=round(1000 * seconds_per_frame), loop=0, quality=80, method=2
-    )
+    return _encode(first, "WEBP", save_all=True, append_images=rest, duration=round(1000 * seconds_per_frame), loop=0, quality=80, method=2)
 
 
 def thumbnail(image: np.ndarray, *, width: int) -> np.ndarray:

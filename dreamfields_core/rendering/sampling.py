@@ -70,9 +70,7 @@ def gaussians_at(samples: Samples, index: Array) -> Gaussians:
     middle_sq, half_sq = middle**2, half**2
     common = 3.0 * middle_sq + half_sq
     along = half_sq / 3.0 - (4.0 / 15.0) * half_sq**2 * (12.0 * middle_sq - half_sq) / common**2
-    across = samples.rays.radii[ray, 0] ** 2 * (
-        0.25 * middle_sq + (5.0 / 12.0) * half_sq - (4.0 / 15.0) * half_sq**2 / common
-    )
+    across = samples.rays.radii[ray, 0] ** 2 * (0.25 * middle_sq + (5.0 / 12.0) * half_sq - (4.0 / 15.0) * half_sq**2 / common)
     directions = samples.rays.directions[ray]
     return Gaussians(
         means=samples.rays.origins[ray] + middle[:, None] * directions,

@@ -56,5 +56,3 @@ def _hidden(samples: Samples, density: Array, *, terminate: float) -> Array:
     believed = 0.5 * jnp.minimum(density, 1e6) * samples.length
     before = jnp.cumsum(believed, axis=-1) - believed
     return before > -math.log(terminate)
-
-

@@ -72,11 +72,7 @@ def camera_rays(pose: Pose, origin: Array, *, size: int) -> Rays:
     centers = (jnp.arange(size, dtype=jnp.float32) + 0.5) / size - 0.5
     across = centers[None, :] / pose.focal[..., None, None]
     down = centers[:, None] / pose.focal[..., None, None]
-    toward = (
-        forward[..., None, None, :]
-        + across[..., None] * right[..., None, None, :]
-        - down[..., None] * up[..., None, None, :]
-    )
+    toward = forward[..., None, None, :] + across[..., None] * right[..., None, None, :] - down[..., None] * up[..., None, None, :]
     length = jnp.linalg.norm(toward, axis=-1, keepdims=True)
     position = origin - pose.radius[..., None] * forward
     # mip-NeRF, section 3.1: a pixel of width w has the variance of a disc of radius 2 w / sqrt(12).
