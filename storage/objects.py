@@ -49,7 +49,7 @@ class ObjectStore(Store):
             return None
 
     def entries(self, prefix: str = "") -> list[Entry]:
-        folder = f"{check_key(prefix)}/" if prefix else None
+        folder = check_key(prefix) if prefix else None  # obstore takes whole segments
         with self._explained(prefix or "everything"):
             found = [item for batch in obstore.list(self._backend, prefix=folder) for item in batch]
         return sorted((Entry(i["path"], i["size"], i["last_modified"].timestamp()) for i in found), key=lambda entry: entry.key)
