@@ -1,0 +1,71 @@
+"""What every test stands on: strict arrays, a home of its own, no server and no network but the loopback.
+
+The environment is set before anything imports JAX or Prefect, and child processes inherit it.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+REPO = Path(__file__).resolve().parent.parent
+CACHE = REPO / ".cache"
+HOME = Path(tempfile.mkdtemp(prefix="dreamfields-tests-"))
+atexit.register(shutil.rmtree, HOME, ignore_errors=True)
+
+# A developer's own server, account or store is never spoken to.
+for name in list(os.environ):
+    if name.startswith(("PREFECT_", "AWS_", "DREAMFIELDS_", "HF_")):
+        del os.environ[name]
+
+os.environ.update(
+    HOME=str(HOME),
+    XDG_CACHE_HOME=str(HOME / ".cache"),
+    PREFECT_HOME=str(HOME / "prefect"),
+    PREFECT_SERVER_ANALYTICS_ENABLED="false",
+    PREFECT_LOGGING_TO_API_ENABLED="false",
+    PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS="120",
+    DO_NOT_TRACK="1",
+    HF_HUB_OFFLINE="1",
+    AWS_EC2_METADATA_DISABLED="true",
+    MPLBACKEND="Agg",
+    MPLCONFIGDIR=str(CACHE / "matplotlib"),
+    # Compiled programs are kept between runs of the suite: most of its time would be compilation.
+    JAX_COMPILATION_CACHE_DIR=str(CACHE / "jax"),
+    JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS="0.2",
+    JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES="-1",
+    # An array of shape [3] never meets one of shape [4, 3] by accident: where ranks differ, the code says how they meet.
+    JAX_NUMPY_RANK_PROMOTION="raise",
+)
+(CACHE / "matplotlib").mkdir(parents=True, exist_ok=True)
+
+import hypothesis  # noqa: E402
+import jax  # noqa: E402
+import pytest  # noqa: E402
+
+# The same examples every time: a suite that fails by chance is not believed when it fails with cause.
+hypothesis.settings.register_profile("house", deadline=None, derandomize=True, database=None)
+hypothesis.settings.load_profile("house")
+
+
+@pytest.fixture
+def strict_dtypes() -> Iterator[None]:
+    """No implicit change of type within the test: `pytestmark = pytest.mark.usefixtures("strict_dtypes")` for a file of equations.
+
+    Not for all tests, as Optax's Adam raises a float to an integer power.
+    """
+    with jax.numpy_dtype_promotion("strict"):
+        yield
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty home and working directory for a test that runs commands."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / ".cache"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
