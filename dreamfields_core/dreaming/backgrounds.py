@@ -39,7 +39,7 @@ def fourier_texture(key: Array, size: int) -> Array:
     frequency = jnp.sqrt(jnp.fft.fftfreq(size)[:, None] ** 2 + jnp.fft.rfftfreq(size)[None, :] ** 2)
     falloff = jnp.maximum(frequency, 1.0 / size) ** -DECAY
     white = jax.random.normal(key, (3, size, size))
-    texture = jnp.fft.irfft2(jnp.fft.rfft2(white) * falloff, s=(size, size))
+    texture = jnp.fft.irfft2(jnp.fft.rfft2(white) * falloff[None], s=(size, size))
     spread = jnp.std(texture, axis=(1, 2), keepdims=True)
     texture = 10.0 * CONTRAST * texture / jnp.maximum(spread, 1e-6)
     light, red_green, blue_yellow = texture[0], 0.5 * texture[1], 0.5 * texture[2]

@@ -26,7 +26,7 @@ def projected_variance(frequencies: Array, gaussians: Gaussians) -> Array:
     Sigma = t_var d d^T + r_var (I - d d^T), so two projections say it all and no 3 x 3 matrix is formed.
     """
     along = jnp.matmul(gaussians.directions, frequencies.T, precision=jax.lax.Precision.HIGHEST) ** 2
-    whole = jnp.sum(frequencies**2, axis=-1)
+    whole = jnp.sum(frequencies**2, axis=-1)[None, :]
     across = jnp.maximum(whole - along, 0.0)
     return gaussians.along[:, None] * along + gaussians.across[:, None] * across
 

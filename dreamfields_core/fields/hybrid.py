@@ -48,7 +48,7 @@ def hybrid(config: HybridConfig, *, bound: float) -> Field:
         out = read_grid(prepared["grid"], gaussians.means, bound=bound)
         for index in range(len(prepared["layers"])):
             layer = prepared["layers"][f"layer{index}"]
-            out = (nnx.swish(out) if index else out) @ layer["kernel"] + layer["bias"]
+            out = (nnx.swish(out) if index else out) @ layer["kernel"] + layer["bias"][None, :]
         return out[:, 0] + initial_shape(gaussians.means, config), nnx.sigmoid(out[:, 1:])
 
     def penalty(prepared: Params) -> Array:

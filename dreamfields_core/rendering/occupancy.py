@@ -36,14 +36,14 @@ def refresh(key: Array, occupancy: Occupancy, field: Field, prepared: Params, or
     side = occupancy.resolution
     corners = jnp.stack(jnp.meshgrid(*(jnp.arange(side),) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     place = (corners + jax.random.uniform(key, corners.shape)) * (2.0 * bound / side) - bound
-    raw, _ = field.apply(prepared, points_as_gaussians(origin + place))
+    raw, _ = field.apply(prepared, points_as_gaussians(origin[None, :] + place))
     found = field.density(raw).reshape((side,) * 3)
     return Occupancy(density=jnp.maximum(decay * occupancy.density, found), known=jnp.ones((), bool))
 
 
 def cell_index(points: Array, origin: Array, *, bound: float, resolution: int) -> Array:
     """Flat index [...] of the cell that each point [..., 3] lies in; points outside take the nearest cell."""
-    cell = jnp.floor((points - origin + bound) * (resolution / (2.0 * bound))).astype(jnp.int32)
+    cell = jnp.floor((points - jnp.broadcast_to(origin, points.shape) + bound) * (resolution / (2.0 * bound))).astype(jnp.int32)
     cell = jnp.clip(cell, 0, resolution - 1)
     return (cell[..., 0] * resolution + cell[..., 1]) * resolution + cell[..., 2]
 

@@ -33,7 +33,7 @@ class Samples:
 
     def distances(self) -> Array:
         """[R, S] distance of each sample along its ray."""
-        return self.near[:, None] + (jnp.arange(self.shift.shape[1]) + self.shift) * self.step
+        return self.near[:, None] + (jnp.arange(self.shift.shape[1])[None, :] + self.shift) * self.step
 
 
 def place_samples(key: Array | None, rays: Rays, origin: Array, *, bound: float, count: int) -> Samples:
@@ -47,7 +47,7 @@ def place_samples(key: Array | None, rays: Rays, origin: Array, *, bound: float,
     near, far = ray_cube(rays, origin, bound=bound)
     step = jnp.float32(step_length(bound=bound, count=count))
     begin = jnp.arange(count) * step
-    length = jnp.clip((far - near)[:, None] - begin, 0.0, step)
+    length = jnp.clip((far - near)[:, None] - begin[None, :], 0.0, step)
     shape = (near.shape[0], count)
     shift = jnp.full(shape, 0.5) if key is None else jax.random.uniform(key, shape)
     # The last piece of a chord is shorter than a step: its sample stays inside it.

@@ -70,11 +70,12 @@ def camera_rays(pose: Pose, origin: Array, *, size: int) -> Rays:
     """
     right, up, forward = camera_axes(pose)
     centers = (jnp.arange(size, dtype=jnp.float32) + 0.5) / size - 0.5
-    across = centers[None, :] / pose.focal[..., None, None]
-    down = centers[:, None] / pose.focal[..., None, None]
-    toward = forward[..., None, None, :] + across[..., None] * right[..., None, None, :] - down[..., None] * up[..., None, None, :]
+    down, across = jnp.meshgrid(centers, centers, indexing="ij")
+    plane = jnp.stack([across, -down], axis=-1)
+    aside = jnp.einsum("hwa,...ax->...hwx", plane, jnp.stack([right, up], axis=-2), precision=jax.lax.Precision.HIGHEST)
+    toward = forward[..., None, None, :] + aside / pose.focal[..., None, None, None]
     length = jnp.linalg.norm(toward, axis=-1, keepdims=True)
-    position = origin - pose.radius[..., None] * forward
+    position = jnp.broadcast_to(origin, forward.shape) - pose.radius[..., None] * forward
     # mip-NeRF, section 3.1: a pixel of width w has the variance of a disc of radius 2 w / sqrt(12).
     pixel = 1.0 / (size * pose.focal[..., None, None, None])
     return Rays(

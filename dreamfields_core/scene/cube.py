@@ -16,7 +16,7 @@ def ray_cube(rays: Rays, origin: Array, *, bound: float) -> tuple[Array, Array]:
     Returns:
       near, far: [...] each, 0 <= near <= far; near = far = 0 where the ray misses the cube or it lies behind.
     """
-    start = rays.origins - origin
+    start = rays.origins - jnp.broadcast_to(origin, rays.origins.shape)
     parallel = jnp.abs(rays.directions) < PARALLEL
     # where before the division: a zero component would make 0 * inf on the slab, and NaN in the gradient even when unused.
     slope = 1.0 / jnp.where(parallel, 1.0, rays.directions)
