@@ -1,0 +1,57 @@
+"""From a field to a mesh that an engine can take: the level, the surface, cleaning, simplification, colours, bytes.
+
+World space is right-handed with Z up, faces wind counter-clockwise seen from outside, colours are display values in [0, 1].
+"""
+
+from dreamfields_core.meshing.asset import Asset, extract_mesh
+from dreamfields_core.meshing.color import colors_from, vertex_normals, with_colors
+from dreamfields_core.meshing.errors import (
+    BadBudget,
+    BadMesh,
+    BadResolution,
+    FieldEmpty,
+    FieldFull,
+    FieldNotFinite,
+    MeshCleaningFailed,
+    MeshError,
+    SilhouetteEmpty,
+)
+from dreamfields_core.meshing.export import formats, from_glb, provenance_of, to_glb, to_ply
+from dreamfields_core.meshing.isosurface import isosurface
+from dreamfields_core.meshing.level import Level, Views, choose_level
+from dreamfields_core.meshing.raycast import MeshRendering, cast, render_mesh, silhouette
+from dreamfields_core.meshing.report import MeshReport, report
+from dreamfields_core.meshing.simplify import simplify
+
+__all__ = [
+    "Asset",
+    "BadBudget",
+    "BadMesh",
+    "BadResolution",
+    "FieldEmpty",
+    "FieldFull",
+    "FieldNotFinite",
+    "Level",
+    "MeshCleaningFailed",
+    "MeshError",
+    "MeshRendering",
+    "MeshReport",
+    "SilhouetteEmpty",
+    "Views",
+    "cast",
+    "choose_level",
+    "colors_from",
+    "extract_mesh",
+    "formats",
+    "from_glb",
+    "isosurface",
+    "provenance_of",
+    "render_mesh",
+    "report",
+    "silhouette",
+    "simplify",
+    "to_glb",
+    "to_ply",
+    "vertex_normals",
+    "with_colors",
+]
