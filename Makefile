@@ -29,7 +29,7 @@ setup: $(VENV)/.libraries
 $(VENV)/.installed: pyproject.toml constraints.txt
 	@if ! { [ -x $(PY) ] && $(PY) -c 'import sys, pip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }; then \
 	  found=; \
-	  for candidate in $(PYTHON) python3.11 python3.12 python3 python python3.13 python3.14; do \
+	  for candidate in $(PYTHON) python3.11 python3.12 python3.13 python3 python; do \
 	    if "$$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then found=$$candidate; break; fi; \
 	  done; \
 	  if [ -z "$$found" ]; then \
