@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+PositiveShare = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
 
@@ -65,6 +66,13 @@ class CameraConfig(Part):
     radius: Range = Range(low=4.0, high=4.0)
     focal: Range = Range(low=1.2 * 1111.1111 / 800, high=1.2 * 1111.1111 / 800)
     views: Count = 1
+
+    @model_validator(mode="after")
+    def in_front(self) -> CameraConfig:
+        for name, interval in (("radius", self.radius), ("focal", self.focal)):
+            if interval.low <= 0:
+                raise ValueError(f"expected camera.{name}.low > 0, got {interval.low}")
+        return self
 
 
 class ResidualMLPConfig(Part):
@@ -129,7 +137,7 @@ class SkipConfig(Part):
     refresh_every: Count = 16
     decay: Share = 0.9
     threshold: NonNegative = 1e-3
-    explore: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.02
+    explore: PositiveShare = 0.02
     terminate: Share = 1e-4
     chunk: Count = 16384
 
@@ -184,8 +192,8 @@ class LossConfig(Part):
     """
 
     transmittance: NonNegative = 0.5
-    opacity_start: Share = 0.5
-    opacity_end: Annotated[float, Field(gt=0, le=1)] = 0.1
+    opacity_start: PositiveShare = 0.5
+    opacity_end: PositiveShare = 0.1
     anneal_steps: Count = 500
 
 
@@ -270,7 +278,8 @@ def override(config: DreamConfig, assignments: tuple[str, ...]) -> DreamConfig:
       ConfigError: an assignment without "=", an unknown key or an impossible value.
     """
     values = config.model_dump(mode="json")
-    for assignment in assignments:
+    # The kind of field comes first, wherever it stands: what is said of the field is said of that kind.
+    for assignment in sorted(assignments, key=lambda assignment: assignment.partition("=")[0].strip() != "field.kind"):
         key, equals, text = assignment.partition("=")
         if not equals or not key.strip():
             raise ConfigError(f'expected part.key=value, got "{assignment}": write for instance --set mesh.faces=5000')
@@ -288,7 +297,9 @@ def validate(values: dict[str, Any]) -> DreamConfig:
         return DreamConfig.model_validate(values)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        place = ".".join(str(step) for step in first["loc"] if step not in ("residual_mlp", "hybrid")) or "config"
+        # Neither the kind of a field nor an item of a list is a setting that could be changed by name.
+        named = [step for step in first["loc"] if isinstance(step, str) and step not in ("residual_mlp", "hybrid")]
+        place = ".".join(named + ["kind"] * first["type"].startswith("union_tag")) or "config"
         problem = first["msg"].removeprefix("Value error, ")
         problem = problem[0].lower() + problem[1:]
         if first["type"] == "extra_forbidden":
@@ -321,6 +332,6 @@ def _assign(values: dict[str, Any], key: str, value: Any, assignment: str) -> No
         raise ConfigError(f'there is no setting "{key}" (in "{assignment}"): `dreamfields settings` lists those there are')
     if key == "field.kind" and place[last] != value:
         # Another kind has other settings: the ones of the old kind mean nothing to it.
-        values["field"] = {"kind": value}
+        values["field"] = validate(values | {"field": {"kind": value}}).model_dump(mode="json")["field"]
     else:
         place[last] = value
