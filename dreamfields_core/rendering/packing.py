@@ -44,6 +44,8 @@ def evaluate_packed(
 def _forward(
     apply: Apply, gaussians_at: GaussiansAt, chunk: int, prepared: Params, samples: Any, mask: Array
 ) -> tuple[tuple[Array, Array], Any]:
+    if mask.size == 0:
+        return (jnp.zeros(0), jnp.zeros((0, 3))), (prepared, samples, mask, jnp.zeros(0, jnp.int32))
     counts = jnp.cumsum(mask, dtype=jnp.int32)
     capacity = -(-mask.shape[0] // chunk) * chunk
 
@@ -61,6 +63,7 @@ def _forward(
 def _backward(apply: Apply, gaussians_at: GaussiansAt, chunk: int, saved: Any, gradient: tuple[Array, Array]) -> tuple[Params, Any, Any]:
     prepared, samples, mask, counts = saved
     raw_gradient, color_gradient = gradient
+    nothing = jax.tree.map(jnp.zeros_like, prepared)
 
     def body(begin: Array, total: Params) -> Params:
         index, kept = _kept(counts, begin, chunk)
@@ -70,7 +73,7 @@ def _backward(apply: Apply, gaussians_at: GaussiansAt, chunk: int, saved: Any, g
         color = jnp.where(kept[:, None], color_gradient[index], 0.0)
         return jax.tree.map(jnp.add, total, pull((raw, color))[0])
 
-    total = _over_chunks(counts, chunk, body, jax.tree.map(jnp.zeros_like, prepared))
+    total = _over_chunks(counts, chunk, body, nothing) if mask.size else nothing
     return total, jax.tree.map(_no_gradient, samples), _no_gradient(mask)
 
 
