@@ -20,8 +20,9 @@ SMALLEST_OPACITY = 1e-6
 
 def optical_depths(density: Array, length: Array) -> Array:
     """tau = density x length [...], in [0, OPAQUE]; 0 where the length is 0, however large the density."""
-    present = length > 0
-    return jnp.minimum(jnp.where(present, density, 0.0) * length, OPAQUE)
+    # Finite before the product: infinity times the zero gradient of the cut would be NaN.
+    density = jnp.minimum(jnp.where(length > 0, density, 0.0), jnp.finfo(density.dtype).max)
+    return jnp.minimum(density * length, OPAQUE)
 
 
 def transmittance_before(depths: Array) -> Array:
