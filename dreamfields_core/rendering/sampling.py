@@ -62,18 +62,21 @@ def step_length(*, bound: float, count: int) -> float:
 def gaussians_at(samples: Samples, index: Array) -> Gaussians:
     """The conical frustums of the samples with flat indices `index` [N] into [R, S], as Gaussians (mip-NeRF, equation 7).
 
-    A frustum from t0 to t1 with middle c and half-width h; variances in the form that stays accurate when h << c.
+    A frustum from t0 to t1 with middle c and half-width h; in the form that stays accurate when h << c, and by ratios, so that
+    no power of a short distance underflows. The mean lies a little beyond the middle, because a cone widens.
     """
     ray, place = jnp.divmod(index, samples.shift.shape[1])
     half = 0.5 * samples.step
     middle = samples.near[ray] + (place + samples.shift[ray, place]) * samples.step
     middle_sq, half_sq = middle**2, half**2
     common = 3.0 * middle_sq + half_sq
-    along = half_sq / 3.0 - (4.0 / 15.0) * half_sq**2 * (12.0 * middle_sq - half_sq) / common**2
-    across = samples.rays.radii[ray, 0] ** 2 * (0.25 * middle_sq + (5.0 / 12.0) * half_sq - (4.0 / 15.0) * half_sq**2 / common)
+    share = half_sq / common
+    center = middle * (1.0 + 2.0 * share)
+    along = half_sq * (1.0 / 3.0 - (4.0 / 15.0) * share * ((12.0 * middle_sq - half_sq) / common))
+    across = samples.rays.radii[ray, 0] ** 2 * (0.25 * middle_sq + half_sq * (5.0 / 12.0 - (4.0 / 15.0) * share))
     directions = samples.rays.directions[ray]
     return Gaussians(
-        means=samples.rays.origins[ray] + middle[:, None] * directions,
+        means=samples.rays.origins[ray] + center[:, None] * directions,
         directions=directions,
         along=along,
         across=across,
