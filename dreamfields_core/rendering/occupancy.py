@@ -56,9 +56,21 @@ def occupied_cells(occupancy: Occupancy, *, step: Array | float, threshold: floa
     return filled | ~occupancy.known
 
 
+def inner_density(occupancy: Occupancy) -> Array:
+    """The least density remembered of a cell and its 26 neighbours, nothing beyond the border; [G, G, G].
+
+    Positive only deep inside: a cell that a flat surface cuts has a neighbour wholly outside, whichever way the surface leans,
+    so a ray that grazes an object passes through no cell that counts here.
+    """
+    least = occupancy.density
+    for axis in range(3):
+        least = jnp.minimum(least, jnp.minimum(_shifted(least, 1, axis), _shifted(least, -1, axis)))
+    return least
+
+
 def _shifted(filled: Array, by: int, axis: int) -> Array:
     """Roll without wrapping: what comes in at the border is empty."""
     rolled = jnp.roll(filled, by, axis=axis)
     border = [slice(None)] * 3
     border[axis] = slice(0, 1) if by > 0 else slice(-1, None)
-    return rolled.at[tuple(border)].set(False)
+    return rolled.at[tuple(border)].set(jnp.zeros((), filled.dtype))

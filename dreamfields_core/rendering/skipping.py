@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from dreamfields_core.config import SkipConfig
-from dreamfields_core.rendering.occupancy import Occupancy, cell_index, occupied_cells
+from dreamfields_core.rendering.occupancy import Occupancy, cell_index, inner_density, occupied_cells
 from dreamfields_core.rendering.sampling import Samples
 from dreamfields_core.types import Array
 
@@ -36,7 +36,7 @@ def choose_samples(
     points = samples.rays.origins[:, None] + samples.distances()[..., None] * samples.rays.directions[:, None]
     cell = cell_index(points, origin, bound=bound, resolution=occupancy.resolution)
     filled = occupied_cells(occupancy, step=samples.step, threshold=skip.threshold).reshape(-1)[cell]
-    kept = filled & ~_hidden(samples, occupancy.density.reshape(-1)[cell], terminate=skip.terminate)
+    kept = filled & ~_hidden(samples, inner_density(occupancy).reshape(-1)[cell], terminate=skip.terminate)
     weight = jnp.ones(samples.length.shape)
     if key is not None:
         explored = ~filled & (jax.random.uniform(key, filled.shape) < skip.explore)
@@ -46,10 +46,10 @@ def choose_samples(
 
 
 def _hidden(samples: Samples, density: Array, *, terminate: float) -> Array:
-    """[R, S] behind a surface that is opaque by what is remembered.
+    """[R, S] behind what is opaque by the least density remembered around each sample.
 
-    The memory is a running maximum over a whole cell, so only half of it is believed, and a whole cell's diagonal of samples
-    behind the point where that suffices is still evaluated (the sum is exclusive, and cells hold several samples).
+    The memory is a running maximum over a whole cell, so it is believed only of cells whose neighbours are dense too, and
+    there only half of it; the samples in the layer of cells under a surface are all evaluated.
     """
     if terminate <= 0:
         return jnp.zeros(samples.length.shape, bool)
