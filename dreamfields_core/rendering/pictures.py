@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from dreamfields_core.rendering.images import on_white
 from dreamfields_core.types import Rendering
 
 INK = (24, 24, 27)
@@ -20,11 +21,6 @@ PAPER = (255, 255, 255)
 def picture(image: np.ndarray) -> np.ndarray:
     """Colour in [0, 1], [..., H, W, 3], to the nearest of 256 levels; NaN becomes black."""
     return np.rint(np.clip(np.nan_to_num(image), 0.0, 1.0) * 255.0).astype(np.uint8)
-
-
-def on_white(views: Rendering) -> np.ndarray:
-    """What stands before a white wall: premultiplied colour + transmittance, [V, H, W, 3] in [0, 1]."""
-    return np.asarray(views.color) + np.asarray(views.transmittance)[..., None]
 
 
 def depth_shades(views: Rendering) -> np.ndarray:
@@ -52,6 +48,16 @@ def contact_sheet(views: Rendering, caption: str) -> np.ndarray:
 def png(image: np.ndarray) -> bytes:
     """A picture as PNG."""
     return _encode(Image.fromarray(image), "PNG", optimize=False, compress_level=6)
+
+
+def read_png(data: bytes) -> np.ndarray:
+    """The picture that `png` wrote."""
+    return np.asarray(Image.open(io.BytesIO(data), formats=["PNG"]).convert("RGB"))
+
+
+def webp(image: np.ndarray) -> bytes:
+    """A picture as WebP, a tenth of the size of PNG."""
+    return _encode(Image.fromarray(image), "WEBP", quality=85, method=4)
 
 
 def webp_animation(frames: Sequence[np.ndarray], *, seconds_per_frame: float = 1 / 12) -> bytes:

@@ -1,0 +1,88 @@
+"""The command `dreamfields`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import click
+import typer
+
+from dreamfields_core.captions import CaptionError
+from dreamfields_core.config import ConfigError
+from flows.order import OrderError, settle, take_order
+from tasks.encoders import EncoderError
+from tasks.version import PACKAGES
+
+app = typer.Typer(
+    name="dreamfields",
+    help="A caption in, a coloured mesh out (Dream Fields, Jain et al. 2022).",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+)
+
+REFUSED = (CaptionError, ConfigError, EncoderError, OrderError)
+
+Settings = Annotated[list[str] | None, typer.Option("--set", metavar="PART.KEY=VALUE", help="Change a setting; may be repeated.")]
+Preset = Annotated[str, typer.Option(help="draft, low, medium or high.")]
+
+
+@app.command(epilog='Example: dreamfields dream "a red mushroom" --preset draft --set mesh.faces=5000')
+def dream(
+    caption: Annotated[str, typer.Argument(help='What to dream, for instance "a red mushroom".')],
+    preset: Preset = "draft",
+    seed: Annotated[int | None, typer.Option(help="The same seed gives the same object.")] = None,
+    guidance: Annotated[str | None, typer.Option(help="The image-text model to optimise with.")] = None,
+    judge: Annotated[str | None, typer.Option(help="The image-text model that scores the result.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder in which every dream gets one of its own.")] = Path("dreams"),
+    store: Annotated[str | None, typer.Option(help="Folder or s3://bucket/prefix; $DREAMFIELDS_STORE, else OUT/store.")] = None,
+    settings: Settings = None,
+) -> None:
+    """Dream one caption: optimise a field, mesh it, score it. Ctrl-C saves; the same command goes on."""
+    from flows.plain import dream_plainly
+
+    order = take_order(caption, preset=preset, seed=seed, guidance=guidance, judge=judge, settings=settings or (), store=store, out=out)
+    raise typer.Exit(dream_plainly(order))
+
+
+@app.command(epilog="Example: dreamfields settings --preset high")
+def settings(preset: Preset = "draft", changes: Settings = None) -> None:
+    """List every setting of a preset with its value, as --set takes it."""
+    from flows.listing import lines
+
+    for line in lines(settle(preset, settings=changes or ())):
+        typer.echo(line)
+
+
+def main() -> None:
+    """Run the command. Exit codes: 0 done, 1 failed, 2 refused before any work, 130 interrupted; a sentence on stderr says why."""
+    try:
+        sys.exit(app(standalone_mode=False) or 0)
+    except click.exceptions.Abort:
+        _end("interrupted", 130)
+    except click.exceptions.ClickException as error:
+        _end(f"{error.format_message().rstrip('.')}: see {_help(error)}", 2)
+    except REFUSED as error:
+        _end(str(error), 2)
+    except KeyboardInterrupt:
+        _end("interrupted: nothing is lost, the same command goes on", 130)
+    except Exception as error:
+        if type(error).__module__.split(".")[0] not in PACKAGES:
+            raise  # not one of our sentences: a fault, to be seen whole
+        _end(str(error), 1)
+
+
+def _help(error: click.exceptions.ClickException) -> str:
+    context = getattr(error, "ctx", None)
+    return f"{context.command_path if context else 'dreamfields'} --help"
+
+
+def _end(sentence: str, code: int) -> None:
+    typer.echo(f"dreamfields: {sentence}", err=True)
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""One caption to one object, conducted by Prefect: encode, optimise, render and mesh side by side, score."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from prefect import flow
+from pydantic import Field
+
+from dreamfields_core.captions import LONGEST
+from dreamfields_core.config import DreamConfig
+from flows.order import take_order
+from flows.page import Progress, show_result
+from flows.recipe import make_object
+from flows.result import leave
+from storage.store import open_store
+from tasks.conducted import as_task, fresh, record_of
+from tasks.step import Done, Input, Place, Step
+
+Caption = Annotated[str, Field(min_length=1, max_length=LONGEST, description='What to dream, for instance "a red mushroom".')]
+Preset = Literal["draft", "low", "medium", "high"]
+Seed = Annotated[int, Field(ge=0, lt=2**32)]
+Setting = Annotated[str, Field(pattern=r"^[a-z_.]+=.+$", description="part.key=value, as `dreamfields settings` lists them")]
+
+
+@flow(name="dream", flow_run_name="{caption}", persist_result=False)
+def dream(
+    caption: Caption,
+    preset: Preset = "draft",
+    seed: Seed | None = None,
+    guidance: str | None = None,
+    judge: str | None = None,
+    settings: list[Setting] | None = None,
+    store: str | None = None,
+    out: str = "dreams",
+) -> dict[str, Any]:
+    """Dream one caption.
+
+    Args:
+      caption: what to dream.
+      preset: draft (minutes on two cores), or the paper's low, medium and high.
+      seed: the same seed gives the same object.
+      guidance: the image-text model to optimise with.
+      judge: the image-text model that scores the result.
+      settings: changes to the preset.
+      store: folder or s3://bucket/prefix; by default $DREAMFIELDS_STORE, else a folder `store` beside the dreams.
+      out: folder in which the dream gets one of its own.
+
+    Returns:
+      What result.json says.
+    """
+    order = take_order(
+        caption, preset=preset, seed=seed, guidance=guidance, judge=judge, settings=settings or (), store=store, out=Path(out)
+    )
+    order.folder.mkdir(parents=True, exist_ok=True)
+    place = Place(open_store(order.store), Progress(order.config.optim.steps), order.folder / "preview.png")
+    made = make_object(ByPrefect(place, order.config), order.caption, order.config)
+    result = leave(order, made, place.store)
+    show_result(order, result, place.store)
+    return result
+
+
+class ByPrefect:
+    """Conducts the steps as task runs of the current flow run."""
+
+    def __init__(self, place: Place, config: DreamConfig) -> None:
+        self._place, self._config = place, config
+
+    def __call__(self, step: Step, **inputs: Input) -> Done:
+        task, cached = self._task(step, inputs)
+        return Done(record_of(task(self._config, inputs)), cached)
+
+    def start(self, step: Step, **inputs: Input) -> Callable[[], Done]:
+        task, cached = self._task(step, inputs)
+        future = task.submit(self._config, inputs)
+        return lambda: Done(record_of(future.result()), cached)
+
+    def _task(self, step: Step, inputs: dict[str, Input]) -> tuple[Any, bool]:
+        return fresh(as_task(step, self._place), step, self._place, self._config, inputs)

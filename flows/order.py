@@ -1,0 +1,113 @@
+"""What is asked for: a caption and everything that decides its dream, checked before any work begins."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dreamfields_core import captions, presets
+from dreamfields_core.config import DreamConfig, override, validate
+from storage.digests import json_digest
+from storage.errors import StorageError
+from storage.store import open_store
+from tasks.encoders import card, unknown_words
+
+STORE_VARIABLE = "DREAMFIELDS_STORE"
+
+
+class OrderError(ValueError):
+    """Something asked for that cannot be given; its text is one sentence with the way out."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """caption: as it is shown. preset: the name it started from. store: address of the store. folder: of this
+    run's files. unknown_words: of the caption, to the guidance model."""
+
+    caption: str
+    preset: str
+    config: DreamConfig
+    store: str
+    folder: Path
+    unknown_words: tuple[str, ...] = ()
+
+    @property
+    def config_digest(self) -> str:
+        """sha256 of the configuration as canonical JSON."""
+        return json_digest(self.config.model_dump(mode="json"))
+
+
+def take_order(
+    caption: str,
+    *,
+    preset: str = "draft",
+    seed: int | None = None,
+    guidance: str | None = None,
+    judge: str | None = None,
+    settings: Sequence[str] = (),
+    store: str | None = None,
+    out: Path = Path("dreams"),
+) -> Order:
+    """Check everything that can be checked without work.
+
+    Raises:
+      CaptionError, ConfigError, EncoderError, OrderError: one sentence with the way out.
+    """
+    caption = captions.check(caption)
+    config = settle(preset, seed=seed, guidance=guidance, judge=judge, settings=settings)
+    judge_is_stated = judge is not None or any(setting.strip().startswith("evaluate.judge") for setting in settings)
+    _check_encoders(config, judge_is_stated=judge_is_stated)
+    unknown = unknown_words(config.guidance.name, caption)
+    folder = out / f"{_slug(caption)}-{json_digest([captions.normalize(caption), config.model_dump(mode='json')])[:8]}"
+    _check_folder(folder)
+    address = store or os.environ.get(STORE_VARIABLE) or str(out / "store")
+    try:
+        open_store(address).check_writable()
+    except StorageError as error:
+        raise OrderError(str(error)) from error
+    return Order(caption, preset, config, address, folder, unknown)
+
+
+def settle(
+    preset: str, *, seed: int | None = None, guidance: str | None = None, judge: str | None = None, settings: Sequence[str] = ()
+) -> DreamConfig:
+    """The preset, then the settings, then what has an option of its own.
+
+    Raises:
+      ConfigError: an unknown preset or key, or an impossible value.
+    """
+    values = override(presets.preset(preset), tuple(settings)).model_dump(mode="json")
+    if seed is not None:
+        values["seed"] = seed
+    if guidance is not None:
+        values["guidance"]["name"] = guidance
+    if judge is not None:
+        values["evaluate"]["judge"] = judge
+    return validate(values)
+
+
+def _check_encoders(config: DreamConfig, *, judge_is_stated: bool) -> None:
+    guide, judge = card(config.guidance.name), card(config.evaluate.judge)
+    if guide.digest == judge.digest and not judge_is_stated:
+        raise OrderError(
+            f'the dream would be judged by "{judge.name}", the model that guides it: '
+            f"name another with --judge, or state --judge {judge.name} to have it so"
+        )
+
+
+def _check_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".probe-{os.getpid()}"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise OrderError(f"expected a folder that can be written, got {folder} ({error.strerror}): choose another with --out") from None
+
+
+def _slug(caption: str) -> str:
+    words = re.sub(r"[^a-z0-9]+", "-", caption.lower()).strip("-")
+    return words[:48].strip("-") or "dream"

@@ -1,0 +1,110 @@
+"""One dream without any server, shown in the terminal."""
+
+from __future__ import annotations
+
+import logging
+import shlex
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from rich.console import Console
+
+from flows.display import Display
+from flows.order import Order
+from flows.recipe import Plainly, make_object
+from flows.result import leave
+from storage.store import open_store
+from tasks.step import Place
+
+INTERRUPTED = 130
+TERMINATED = 143
+
+
+class Terminated(BaseException):
+    """SIGTERM, raised on the main thread so that the child is told to save."""
+
+
+def dream_plainly(order: Order) -> int:
+    """Dream, show how it goes, and say where everything is; the exit code.
+
+    Raises: whatever a step raises.
+    """
+    console = Console(highlight=False)
+    begun = time.monotonic()
+    if order.unknown_words:
+        unknown, guide = ", ".join(order.unknown_words), order.config.guidance.name
+        console.print(f"{guide} does not know: {unknown}; its language is small (see README), published models know more", soft_wrap=True)
+    with Display(console, steps=order.config.optim.steps) as display, _notes(display), _terminable():
+        place = Place(open_store(order.store), display, order.folder / "preview.png")
+        try:
+            dream = make_object(Plainly(place, order.config), order.caption, order.config)
+        except (KeyboardInterrupt, Terminated) as how:
+            display.close()
+            _farewell(console, display)
+            return INTERRUPTED if isinstance(how, KeyboardInterrupt) else TERMINATED
+        result = leave(order, dream, place.store)
+    _tell(console, order, result, all_cached=all(done.cached for done in dream.steps), seconds=time.monotonic() - begun)
+    return 0
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    def raise_terminated(number: int, frame: FrameType | None) -> None:
+        raise Terminated
+
+    before = signal.signal(signal.SIGTERM, raise_terminated)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _notes(display: Display) -> Iterator[None]:
+    """What the storage warns of (something vanished or was damaged) is shown as a sentence."""
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            display({"event": "note", "text": record.getMessage()})
+
+    handler, storage = Handler(logging.WARNING), logging.getLogger("storage")
+    storage.addHandler(handler)
+    try:
+        yield
+    finally:
+        storage.removeHandler(handler)
+
+
+def _farewell(console: Console, display: Display) -> None:
+    at = f"at step {display.step} of {display.steps}, which is saved" if display.step else "before the first step"
+    console.print(f"Stopped {at}. To go on, run the same command again:\n  {shlex.join(['dreamfields', *sys.argv[1:]])}", soft_wrap=True)
+
+
+def _tell(console: Console, order: Order, result: dict[str, Any], *, all_cached: bool, seconds: float) -> None:
+    score = result["scores"][order.config.evaluate.judge]
+    mesh_score = score["mesh"]["random"]
+    counts = result["mesh"]["mesh"]
+    closed = "closed" if counts["watertight"] else "not closed"
+    lines = [
+        f"mesh           {order.folder / 'mesh.glb'} ({counts['faces']} faces, {closed})",
+        f"contact sheet  {order.folder / 'contact_sheet.png'}",
+        f"turntable      {order.folder / 'turntable.mp4'}",
+        f"all the facts  {order.folder / 'result.json'}",
+        f"score          {order.config.evaluate.judge} ranks the caption {_of(score)} from the field, {_of(mesh_score)} from the mesh "
+        f"(cosine {score['cosine']:.3f} and {mesh_score['similarity']:.3f})",
+        "seconds        " + ", ".join(f"{name} {spent:.1f}" for name, spent in result["seconds"].items()),
+    ]
+    if result["encoders"]["same_model"]:
+        lines.append("note           the judge is the model that guided: the score flatters")
+    if all_cached:
+        lines.append(f"note           everything was there already (this call took {seconds:.1f} s)")
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
+
+
+def _of(score: dict[str, Any]) -> str:
+    return f"{score['rank']} of {score['pool']}"

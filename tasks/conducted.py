@@ -1,0 +1,47 @@
+"""A step as a Prefect task. Prefect is given the step's key as its cache key, and the store's record, as JSON, as its result;
+whether a step is done is asked of the store alone, so that a lost file is a miss and a wiped database loses no work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from prefect import Task, task
+from prefect.context import TaskRunContext
+from prefect.states import Completed
+
+from dreamfields_core.config import DreamConfig
+from storage.steps import StepRecord, find_record
+from tasks.step import Input, Place, Step, key_of, perform
+
+TaskResult = Any
+"""A record as JSON, or Prefect's state around one."""
+
+
+def as_task(step: Step, place: Place) -> Task[..., TaskResult]:
+    """The task that does the step at that place; called with (config, inputs)."""
+
+    def cache_key(context: TaskRunContext, arguments: dict[str, Any]) -> str:
+        return f"{step.name}-{key_of(step, arguments['config'], arguments['inputs'])}"
+
+    @task(name=step.name, cache_key_fn=cache_key, persist_result=True, result_serializer="json")
+    def do(config: DreamConfig, inputs: Mapping[str, Input]) -> TaskResult:
+        done = perform(step, place, config, inputs)
+        record = done.record.to_json()
+        return Completed(name="Cached", data=record, message="was done already") if done.cached else record
+
+    return do
+
+
+def fresh(
+    task: Task[..., TaskResult], step: Step, place: Place, config: DreamConfig, inputs: Mapping[str, Input]
+) -> tuple[Task[..., TaskResult], bool]:
+    """The task, told not to trust Prefect's cache where the store does not have the step whole; and whether it has."""
+    known = find_record(place.store, step.name, key_of(step, config, inputs)) is not None
+    return (task if known else task.with_options(refresh_cache=True)), known
+
+
+def record_of(result: TaskResult) -> StepRecord:
+    """What a task's result says."""
+    return StepRecord.from_json(result)

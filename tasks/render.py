@@ -1,0 +1,43 @@
+"""field -> pictures: the held-out views that are judged, a contact sheet and a turntable for people."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from dreamfields_core.rendering.images import on_white
+from dreamfields_core.rendering.pictures import contact_sheet, picture, png, webp_animation
+from dreamfields_core.scene.cameras import poses_at
+from dreamfields_core.types import Rendering
+from tasks.film import mp4
+from tasks.finished_field import unpack_field, view_by
+from tasks.step import Made, Work
+
+
+def render(work: Work) -> Made:
+    """Every picture of the finished field."""
+    look, dream = work.config.evaluate, unpack_field(work.read("field"))
+    see = view_by(dream, samples=look.samples)
+
+    def around(azimuths: tuple[float, ...], size: int) -> Rendering:
+        return see(poses_at(azimuths, look.elevation, radius=look.radius, focal=look.focal), size)
+
+    judged, shown = around(look.azimuths, work.number("size")), around(look.azimuths, look.picture_size)
+    turn = tuple(360.0 * frame / look.turntable_frames for frame in range(look.turntable_frames))
+    frames = list(picture(on_white(around(turn, look.picture_size))))
+    return Made(
+        (
+            work.keep("views.npz", _views(judged, np.asarray(dream.origin)), "application/x-npz"),
+            work.keep("contact_sheet.png", png(contact_sheet(shown, work.text("caption"))), "image/png"),
+            work.keep("turntable.mp4", mp4(frames), "video/mp4"),
+            work.keep("turntable.webp", webp_animation(frames), "image/webp"),
+        ),
+        {"opacity": float(1 - shown.transmittance.mean())},
+    )
+
+
+def _views(judged: Rendering, origin: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, views=on_white(judged).astype(np.float32), origin=origin)
+    return file.getvalue()

@@ -1,0 +1,55 @@
+"""The five steps of a dream: what each reads, takes and gives. Their code is loaded when one is really run, not when it is cached."""
+
+from __future__ import annotations
+
+from pkgutil import resolve_name
+
+from tasks.compiled import keep_compiled
+from tasks.step import Made, Step, Work
+
+
+class Later:
+    """A function of another module, imported at its first call: a finished step costs no start of JAX."""
+
+    def __init__(self, place: str) -> None:
+        self._place = place
+
+    def __call__(self, work: Work) -> Made:
+        keep_compiled()
+        made = resolve_name(self._place)(work)
+        assert isinstance(made, Made)
+        return made
+
+
+ENCODE = Step("encode", 1, ("guidance.name",), Later("tasks.encode:encode"))
+"""caption, guide (digest) -> text_embedding.npy [dim]."""
+
+OPTIMIZE = Step(
+    "optimize",
+    1,
+    ("seed", "scene", "camera", "field", "render", "augment", "guidance", "loss", "optim"),
+    Later("tasks.optimize:optimize"),
+)
+"""text_embedding, guide (digest) -> field.safetensors, history.npz, preview.png; values: steps, rate_scale, last metrics."""
+
+RENDER = Step(
+    "render",
+    1,
+    (
+        "evaluate.azimuths",
+        "evaluate.elevation",
+        "evaluate.radius",
+        "evaluate.focal",
+        "evaluate.samples",
+        "evaluate.picture_size",
+        "evaluate.turntable_frames",
+    ),
+    Later("tasks.render:render"),
+)
+"""field, caption, size (pixels that the judge sees) -> views.npz, contact_sheet.png, turntable.mp4, turntable.webp."""
+
+MESH = Step("mesh", 1, ("mesh", "evaluate.radius", "evaluate.focal", "evaluate.samples"), Later("tasks.mesh:mesh"))
+"""field, caption -> mesh.glb; values: counts before and after simplification, level, agreement with the silhouettes."""
+
+SCORE = Step("score", 1, ("evaluate",), Later("tasks.score:score"))
+"""views, mesh, caption, judge (digest) -> values: for field and mesh, for each pool of captions, what the judge retrieves."""
