@@ -1,0 +1,46 @@
+"""What decides a dream, and how its settings are read and refused."""
+
+from dreamfields_core.config.concerns import (
+    AugmentConfig,
+    Background,
+    CameraConfig,
+    DreamConfig,
+    EvaluateConfig,
+    FieldConfig,
+    GuidanceConfig,
+    HybridConfig,
+    LossConfig,
+    MeshConfig,
+    OptimConfig,
+    Part,
+    Range,
+    RenderConfig,
+    ResidualMLPConfig,
+    SceneConfig,
+    SkipConfig,
+)
+from dreamfields_core.config.settings import ConfigError, override, parts, validate
+
+__all__ = [
+    "AugmentConfig",
+    "Background",
+    "CameraConfig",
+    "ConfigError",
+    "DreamConfig",
+    "EvaluateConfig",
+    "FieldConfig",
+    "GuidanceConfig",
+    "HybridConfig",
+    "LossConfig",
+    "MeshConfig",
+    "OptimConfig",
+    "Part",
+    "Range",
+    "RenderConfig",
+    "ResidualMLPConfig",
+    "SceneConfig",
+    "SkipConfig",
+    "override",
+    "parts",
+    "validate",
+]
