@@ -1,0 +1,1 @@
+"""Image-text models: what a picture must agree with (paper section 3.2)."""

@@ -1,0 +1,24 @@
+"""The courses of the models that ship: another seed, other pictures, another way of seeing for the judge."""
+
+from __future__ import annotations
+
+from dreamfields_core.teaching.lessons import Course
+
+COURSES: dict[str, Course] = {
+    "guide": Course(
+        seed=1,
+        sizes={"seeing": "convolution", "fine": 48, "coarse": 128, "fine_blocks": 2, "coarse_blocks": 3},
+        plain_steps=3000,
+        robust_steps=4500,
+        radius=1.0,
+        learning_rate=2e-3,
+    ),
+    "judge": Course(
+        seed=2,
+        sizes={"seeing": "attention", "fine": 64, "coarse": 160, "fine_blocks": 1, "coarse_blocks": 4},
+        plain_steps=4500,
+        robust_steps=2400,
+        radius=0.5,
+        learning_rate=1.2e-3,
+    ),
+}

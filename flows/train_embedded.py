@@ -1,0 +1,142 @@
+"""Teaches the image-text models that ship with the project: pictures, then lessons, then an examination.
+
+    python -m flows.train_embedded --model guide        makes storage/embedded/guide.safetensors; killed, it goes on where it was
+    python -m flows.train_embedded --evaluate guide     what the shipped weights know
+
+The same function is a Prefect flow; it needs no server.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import logging
+import os
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+import safetensors
+from safetensors.numpy import save
+
+from dreamfields_core.guidance import embedded
+from dreamfields_core.teaching import lessons, report
+from dreamfields_core.teaching.album import Page, training_page
+from dreamfields_core.teaching.courses import COURSES
+from dreamfields_core.types import Encoder
+
+WEIGHTS = Path(__file__).parent.parent / "storage" / "embedded"
+WORK = Path(".cache/embedded")
+SAVE_EVERY = 250
+log = logging.getLogger(__name__)
+
+
+def train_embedded(model: str, work: Path = WORK, weights: Path = WEIGHTS) -> Path:
+    """Makes the album, teaches the course, writes the weights; each part only as far as it is not there yet."""
+    course = COURSES[model]
+    pages = make_album(course, work / "pages")
+    taught = teach(model, course, pages, work / f"{model}.npz", weights)
+    return write_weights(taught, weights / f"{model}.safetensors")
+
+
+def make_album(course: lessons.Course, folder: Path) -> Page:
+    """All captioned pictures of a course, from disk where they have been made before."""
+    pages = [load_page(course.seed, number, folder) for number in range(course.pages)]
+    return Page(np.concatenate([page.pictures for page in pages]), [caption for page in pages for caption in page.captions])
+
+
+def load_page(seed: int, number: int, folder: Path) -> Page:
+    """One page, made and kept where it is missing."""
+    path = folder / f"{seed}-{number:04d}.npz"
+    if not path.exists():
+        started = time.monotonic()
+        page = training_page(seed, number)
+        write_atomically(path, lambda file: np.savez(file, pictures=page.pictures, captions=np.array(page.captions)))
+        log.info("page %d of seed %d: %.0f pictures a second", number, seed, len(page.captions) / (time.monotonic() - started))
+    with np.load(path) as stored:
+        return Page(stored["pictures"], [str(caption) for caption in stored["captions"]])
+
+
+def teach(name: str, course: lessons.Course, album: Page, checkpoint: Path, weights: Path) -> embedded.Model:
+    """Takes the course from its newest checkpoint to its end."""
+    model, progress = lessons.begin(course)
+    progress = restore(checkpoint, progress)
+    pupils = lessons.Class(course, album.pictures, album.captions, model.architecture)
+    step = lessons.make_step(course, model.architecture)
+    started, told = time.monotonic(), []
+    for number in range(int(progress.step), course.steps):
+        progress, said = step(progress, pupils.batch(number))
+        told.append(said)
+        if (number + 1) % SAVE_EVERY == 0 or number + 1 == course.steps:
+            means = {key: float(np.mean([float(s[key]) for s in told])) for key in said}
+            if not np.isfinite(means["contrast"]):
+                raise FloatingPointError(f"expected a finite loss at step {number + 1} of {name!r}, got {means}: lower the course's learning rate")
+            speed = course.batch * len(told) / (time.monotonic() - started)
+            log.info("%s %d/%d %s, %.0f pictures a second", name, number + 1, course.steps, json.dumps({k: round(v, 3) for k, v in means.items()}), speed)
+            keep(checkpoint, progress)
+            started, told = time.monotonic(), []
+    return lessons.taught(model, progress)
+
+
+def keep(path: Path, progress: lessons.Progress) -> None:
+    """Writes a checkpoint; the old one stays until the new one is whole."""
+    leaves = jax.tree.leaves(progress)
+    write_atomically(path, lambda file: np.savez(file, *[np.asarray(leaf) for leaf in leaves]))
+
+
+def restore(path: Path, fresh: lessons.Progress) -> lessons.Progress:
+    """The checkpoint, or `fresh` where there is none."""
+    if not path.exists():
+        return fresh
+    with np.load(path) as stored:
+        leaves = [jax.numpy.asarray(stored[f"arr_{i}"]) for i in range(len(stored.files))]
+    return jax.tree.unflatten(jax.tree.structure(fresh), leaves)
+
+
+def write_weights(model: embedded.Model, path: Path) -> Path:
+    """The model in half precision, with all that is needed to use it."""
+    arrays, metadata = embedded.to_arrays(model)
+    return write_atomically(path, lambda file: file.write(save(arrays, metadata)))
+
+
+def read_weights(path: Path) -> Encoder:
+    """The encoder that a file holds, its digest over the whole file."""
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    with safetensors.safe_open(path, "numpy") as file:
+        return embedded.from_arrays(path.stem, {key: file.get_tensor(key) for key in file.keys()}, file.metadata(), digest)
+
+
+def write_atomically(path: Path, write) -> Path:
+    """Nothing half-written is ever visible."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    with partial.open("wb") as file:
+        write(file)
+    partial.replace(path)
+    return path
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--model", choices=COURSES, help="teach this model")
+    parser.add_argument("--evaluate", metavar="NAME", help="examine the shipped weights of this name")
+    parser.add_argument("--so-far", metavar="NAME", choices=COURSES, help="write the weights of the newest checkpoint")
+    parser.add_argument("--work", type=Path, default=WORK, help="folder of pictures and checkpoints (default: %(default)s)")
+    parser.add_argument("--weights", type=Path, default=WEIGHTS, help="folder of the weights (default: %(default)s)")
+    arguments = parser.parse_args()
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
+    if not (arguments.model or arguments.evaluate or arguments.so_far):
+        parser.error("say what to do: --model NAME teaches, --evaluate NAME examines")
+    if arguments.model:
+        print(train_embedded(arguments.model, arguments.work, arguments.weights))
+    if name := arguments.so_far:
+        model, fresh = lessons.begin(COURSES[name])
+        print(write_weights(lessons.taught(model, restore(arguments.work / f"{name}.npz", fresh)), arguments.weights / f"{name}.safetensors"))
+    if arguments.evaluate:
+        print(json.dumps(report.examine(read_weights(arguments.weights / f"{arguments.evaluate}.safetensors")), indent=2))
+
+
+if __name__ == "__main__":
+    main()
