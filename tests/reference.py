@@ -144,9 +144,10 @@ def total_variation(grid: np.ndarray) -> float:
 
 
 def hybrid(params: dict, point: np.ndarray, config: object, bound: float) -> np.ndarray:
-    """Raw density and colour [4] at one point: grids read one by one and added, then the network (paper appendix B)."""
-    grids = params["grids"]
-    features = sum(config.falloff**level * read_grid(grids[f"grid{size}"], point, bound) for level, size in enumerate(config.resolutions))
+    """Raw density and colour [4] at one point: grids resampled to the finest and added, then the network (paper appendix B)."""
+    grids, finest = params["grids"], max(config.resolutions)
+    whole = sum(config.falloff**level * resample(grids[f"grid{size}"], finest) for level, size in enumerate(config.resolutions))
+    features = read_grid(whole, point, bound)
     for index in range(len(params["layers"])):
         layer = params["layers"][f"layer{index}"]
         features = (swish(features) if index else features) @ layer["kernel"] + layer["bias"]
