@@ -141,10 +141,10 @@ class Dreamer:
         if scale < 0.5**ROLL_BACKS:
             numbers = ", ".join(f"{name} {value:.4g}" for name, value in row.items())
             raise DreamFailed(
-                f"expected finite steps, but step {self.step} is not finite after {ROLL_BACKS} roll-backs ({numbers}): "
+                f"expected finite steps, but step {len(self.history)} is not finite after {ROLL_BACKS} roll-backs ({numbers}): "
                 "lower optim.rate or loss.transmittance"
             )
-        bad_at, self.unread = self.step, deque()
+        bad_at, self.unread = len(self.history), deque()
         sound = state_from_arrays(self.template, {name: value.copy() for name, value in self.anchor.items()})
         self.state = replace(sound, rate_scale=jnp.full_like(sound.rate_scale, scale), bad=jnp.zeros_like(sound.bad))
         self.history = self.history[: self._anchored]

@@ -44,7 +44,10 @@ def load_encoder(name: str) -> Encoder:
     from dreamfields_core.guidance.embedded import from_arrays
 
     weights = _weights(name)
-    return from_arrays(name, weights.arrays, weights.metadata, weights.sha256)
+    try:
+        return from_arrays(name, weights.arrays, weights.metadata, weights.sha256)
+    except ValueError as error:
+        raise EncoderError(str(error)) from error
 
 
 def unknown_words(name: str, caption: str) -> tuple[str, ...]:

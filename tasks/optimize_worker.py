@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import logging
+import math
 import os
 import sys
 import threading
@@ -76,6 +77,7 @@ def main() -> int:
     """Do the job on the first line of input; exit codes: 0 done or stopped, 1 failed with a `failed` event."""
     job = json.loads(sys.stdin.readline())
     tell = Speech()
+    tell("started", pid=os.getpid())
     logging.getLogger("storage").addHandler(Warnings(tell))
     ready = threading.Event()
 
@@ -150,7 +152,8 @@ def _results(dreamer: Any, store: Any) -> Event:
         put_artifact(store, "history.npz", history.getvalue(), "application/x-npz"),
         put_artifact(store, "preview.png", png(dreamer.program.preview(dreamer.state)), "image/png"),
     ]
-    values = {"steps": dreamer.step, "rate_scale": float(arrays["rate_scale"]), "last": dreamer.history[-1]}
+    last = {name: value if math.isfinite(value) else None for name, value in dreamer.history[-1].items()}
+    values = {"steps": dreamer.step, "rate_scale": float(arrays["rate_scale"]), "last": last}
     return {"outputs": [ref.to_json() for ref in outputs], "values": values}
 
 
