@@ -1,0 +1,97 @@
+"""One transformer block, which all towers of all families share.
+
+Tokens are [batch, tokens, width]. Weights may be stored in half precision: every layer computes in float32.
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from flax import nnx
+
+from dreamfields_core.guidance.architecture import Activation, Stack
+from dreamfields_core.types import Array
+
+FAR = -1e9
+"""Added to the logit of what must not be seen; exp of it is exactly 0, and unlike -inf it has a difference with itself."""
+
+
+def activate(hidden: Array, name: Activation) -> Array:
+    """Gaussian error unit (Hendrycks and Gimpel 2016), exactly, by the tanh formula, or as x sigmoid(1.702 x)."""
+    if name == "quick_gelu":
+        return hidden * jax.nn.sigmoid(1.702 * hidden)
+    return jax.nn.gelu(hidden, approximate=name == "gelu_tanh")
+
+
+def linear(n: int, m: int, rngs: nnx.Rngs, *, bias: bool = True) -> nnx.Linear:
+    """x W + b in float32, whatever the weights are stored in."""
+    return nnx.Linear(n, m, use_bias=bias, dtype=jnp.float32, rngs=rngs)
+
+
+def norm(width: int, epsilon: float, rngs: nnx.Rngs) -> nnx.LayerNorm:
+    """Layer normalisation (Ba 2016); the variance as the mean of squared differences, which does not cancel."""
+    return nnx.LayerNorm(width, epsilon=epsilon, dtype=jnp.float32, use_fast_variance=False, rngs=rngs)
+
+
+def attend(queries: Array, keys: Array, values: Array, bias: Array | None) -> Array:
+    """softmax(q k' / sqrt(d) + bias) v (Vaswani 2017, equation 1).
+
+    Args:
+      queries: [batch, q, heads, d]. keys, values: [batch, k, heads, d].
+      bias: broadcastable to [batch, heads, q, k], 0 or FAR.
+
+    Returns:
+      [batch, q, heads x d].
+    """
+    logits = jnp.einsum("bqhd,bkhd->bhqk", queries * queries.shape[-1] ** -0.5, keys)
+    weights = jax.nn.softmax(logits if bias is None else logits + bias)
+    mixed = jnp.einsum("bhqk,bkhd->bqhd", weights, values)
+    return mixed.reshape(*mixed.shape[:2], -1)
+
+
+class Attention(nnx.Module):
+    """Multi-head attention of tokens among themselves; queries, keys and values from one product."""
+
+    def __init__(self, stack: Stack, rngs: nnx.Rngs) -> None:
+        self.heads = stack.heads
+        self.mix = linear(stack.width, 3 * stack.width, rngs)
+        self.out = linear(stack.width, stack.width, rngs)
+
+    def __call__(self, tokens: Array, bias: Array | None) -> Array:
+        mixed = self.mix(tokens).reshape(*tokens.shape[:2], 3, self.heads, -1)
+        return self.out(attend(mixed[:, :, 0], mixed[:, :, 1], mixed[:, :, 2], bias))
+
+
+class MLP(nnx.Module):
+    """Dense(activation(Dense(x))), widened in the middle."""
+
+    def __init__(self, stack: Stack, rngs: nnx.Rngs) -> None:
+        self.activation = stack.activation
+        self.widen = linear(stack.width, stack.hidden, rngs)
+        self.narrow = linear(stack.hidden, stack.width, rngs)
+
+    def __call__(self, tokens: Array) -> Array:
+        return self.narrow(activate(self.widen(tokens), self.activation))
+
+
+class Block(nnx.Module):
+    """x + f(norm(x)) for attention, then for the MLP; or norm(x + f(x)) as in BERT."""
+
+    def __init__(self, stack: Stack, rngs: nnx.Rngs) -> None:
+        self.norm_first = stack.norm_first
+        self.norm1 = norm(stack.width, stack.epsilon, rngs)
+        self.attention = Attention(stack, rngs)
+        self.norm2 = norm(stack.width, stack.epsilon, rngs)
+        self.mlp = MLP(stack, rngs)
+
+    def __call__(self, tokens: Array, bias: Array | None = None) -> Array:
+        if self.norm_first:
+            tokens = tokens + self.attention(self.norm1(tokens), bias)
+            return tokens + self.mlp(self.norm2(tokens))
+        tokens = self.norm1(tokens + self.attention(tokens, bias))
+        return self.norm2(tokens + self.mlp(tokens))
+
+
+def blocks(stack: Stack, rngs: nnx.Rngs) -> nnx.List:
+    """All blocks of a stack, first to last."""
+    return nnx.List([Block(stack, rngs) for _ in range(stack.layers)])
