@@ -81,10 +81,13 @@ evaluate_packed.defvjp(_forward, _backward)
 
 
 def _kept(counts: Array, begin: Array, chunk: int) -> tuple[Array, Array]:
-    """Flat indices [chunk] of the kept samples number begin, begin + 1, ... and which of them exist."""
-    number = begin + jnp.arange(chunk, dtype=jnp.int32)
-    index = jnp.searchsorted(counts, number + 1, side="left").astype(jnp.int32)
-    return jnp.minimum(index, counts.shape[0] - 1), number < counts[-1]
+    """Flat indices [chunk] of the kept samples number begin, begin + 1, ... and which of them exist.
+
+    The others repeat the last kept sample: a field may have no finite value where it was not asked.
+    """
+    number = begin + jnp.arange(1, chunk + 1, dtype=jnp.int32)
+    index = jnp.searchsorted(counts, jnp.minimum(number, counts[-1]), side="left").astype(jnp.int32)
+    return index, number <= counts[-1]
 
 
 def _over_chunks(counts: Array, chunk: int, body: Callable[[Array, Any], Any], initial: Any) -> Any:
