@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, NoReturn
 
-import click
 import typer
 
 from dreamfields_core.captions import CaptionError
@@ -18,10 +17,14 @@ from tasks.version import PACKAGES
 app = typer.Typer(
     name="dreamfields",
     help="A caption in, a coloured mesh out (Dream Fields, Jain et al. 2022).",
+    epilog='Example: dreamfields dream "a red mushroom"',
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="rich",
 )
+
+UsageError = typer.BadParameter.__mro__[1]
+"""Whatever the parser refuses. Newer releases of typer bring a click of their own, so it is found by kinship."""
 
 REFUSED = (CaptionError, ConfigError, EncoderError, OrderError)
 
@@ -59,28 +62,31 @@ def settings(preset: Preset = "draft", changes: Settings = None) -> None:
 def main() -> None:
     """Run the command. Exit codes: 0 done, 1 failed, 2 refused before any work, 130 interrupted; a sentence on stderr says why."""
     try:
-        sys.exit(app(standalone_mode=False) or 0)
-    except click.exceptions.Abort:
+        sys.exit(app(prog_name="dreamfields", standalone_mode=False) or 0)
+    except typer.Abort:
         _end("interrupted", 130)
-    except click.exceptions.ClickException as error:
-        _end(f"{error.format_message().rstrip('.')}: see {_help(error)}", 2)
     except REFUSED as error:
         _end(str(error), 2)
     except KeyboardInterrupt:
         _end("interrupted: nothing is lost, the same command goes on", 130)
     except Exception as error:
+        if isinstance(error, UsageError):
+            _end(_refusal(error), 2)
         if type(error).__module__.split(".")[0] not in PACKAGES:
             raise  # not one of our sentences: a fault, to be seen whole
         _end(str(error), 1)
 
 
-def _help(error: click.exceptions.ClickException) -> str:
-    context = getattr(error, "ctx", None)
-    return f"{context.command_path if context else 'dreamfields'} --help"
+def _refusal(error: Any) -> str:
+    """What the parser says, as one sentence with the way out; nothing where it has printed the help itself."""
+    message = error.format_message().rstrip(".?")
+    command = error.ctx.command_path if error.ctx else "dreamfields"
+    return f"{message[0].lower()}{message[1:]}: see `{command} --help`" if message else ""
 
 
-def _end(sentence: str, code: int) -> None:
-    typer.echo(f"dreamfields: {sentence}", err=True)
+def _end(sentence: str, code: int) -> NoReturn:
+    if sentence:
+        typer.echo(f"dreamfields: {sentence}", err=True)
     sys.exit(code)
 
 

@@ -70,14 +70,18 @@ def teach(name: str, course: lessons.Course, album: Page, checkpoint: Path, weig
         progress, said = step(progress, pupils.batch(number))
         told.append(said)
         if (number + 1) % SAVE_EVERY == 0 or number + 1 == course.steps:
-            means = {key: float(np.mean([float(s[key]) for s in told])) for key in said}
-            if not np.isfinite(means["contrast"]):
-                raise FloatingPointError(f"expected a finite loss at step {number + 1} of {name!r}, got {means}: lower the course's learning rate")
-            speed = course.batch * len(told) / (time.monotonic() - started)
-            log.info("%s %d/%d %s, %.0f pictures a second", name, number + 1, course.steps, json.dumps({k: round(v, 3) for k, v in means.items()}), speed)
+            report_progress(name, course, number + 1, told, time.monotonic() - started)
             keep(checkpoint, progress)
             started, told = time.monotonic(), []
     return lessons.taught(model, progress)
+
+
+def report_progress(name: str, course: lessons.Course, step: int, told: list[dict], seconds: float) -> None:
+    """Says how it goes, and stops what no longer learns."""
+    means = {key: round(float(np.mean([float(said[key]) for said in told])), 3) for key in told[0]}
+    if not np.isfinite(means["contrast"]):
+        raise FloatingPointError(f"expected a finite loss of {name!r}, got {means} at step {step}: lower the course's learning rate")
+    log.info("%s %d/%d %s, %.0f pictures a second", name, step, course.steps, json.dumps(means), course.batch * len(told) / seconds)
 
 
 def keep(path: Path, progress: lessons.Progress) -> None:
@@ -105,7 +109,8 @@ def read_weights(path: Path) -> Encoder:
     """The encoder that a file holds, its digest over the whole file."""
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     with safetensors.safe_open(path, "numpy") as file:
-        return embedded.from_arrays(path.stem, {key: file.get_tensor(key) for key in file.keys()}, file.metadata(), digest)
+        arrays = {name: file.get_tensor(name) for name in list(file.keys())}
+        return embedded.from_arrays(path.stem, arrays, file.metadata(), digest)
 
 
 def write_atomically(path: Path, write) -> Path:
@@ -133,7 +138,9 @@ def main() -> None:
         print(train_embedded(arguments.model, arguments.work, arguments.weights))
     if name := arguments.so_far:
         model, fresh = lessons.begin(COURSES[name])
-        print(write_weights(lessons.taught(model, restore(arguments.work / f"{name}.npz", fresh)), arguments.weights / f"{name}.safetensors"))
+        print(
+            write_weights(lessons.taught(model, restore(arguments.work / f"{name}.npz", fresh)), arguments.weights / f"{name}.safetensors")
+        )
     if arguments.evaluate:
         print(json.dumps(report.examine(read_weights(arguments.weights / f"{arguments.evaluate}.safetensors")), indent=2))
 

@@ -8,7 +8,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tests.tasks.tiny import StandIn, tiny
+from tests.tasks.stand_in import StandIn
+from tests.tasks.tiny import tiny
 
 from storage.checkpoints import latest_checkpoint, manifest_keys
 from storage.contract import Store
