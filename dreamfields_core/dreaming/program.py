@@ -82,7 +82,7 @@ class DreamProgram:
             return self._loss(augment_key, prepared, views, tally, pose, state.step, encoder_params, text_embedding)
 
         (loss, (metrics, tally)), gradient = jax.value_and_grad(objective, has_aux=True)(state.params)
-        finite = jnp.isfinite(loss) & jnp.isfinite(optax.global_norm(gradient))
+        finite = jnp.isfinite(loss) & jnp.isfinite(optax.tree.norm(gradient))
         direction, opt_state = self._adam.update(gradient, state.opt_state)
         rate = learning_rate(state.step, optim) * state.rate_scale
         moved = jax.tree.map(lambda value, update: value - rate * update, state.params, direction)
