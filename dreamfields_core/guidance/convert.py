@@ -111,4 +111,4 @@ def _take(arrays: Mapping[str, np.ndarray], name: str, source: Source, shape: tu
             "the file is of another size than its configuration says"
         )
     made = made.astype(np.float32) if made.dtype.itemsize > 4 else made
-    return jnp.asarray(np.ascontiguousarray(made))
+    return jnp.array(np.ascontiguousarray(made).reshape(shape))  # a copy: the file may go

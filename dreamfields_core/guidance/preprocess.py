@@ -18,6 +18,8 @@ from dreamfields_core.guidance.architecture import Pixels
 from dreamfields_core.types import Array
 
 Method = Literal["bicubic", "bilinear"]
+BITS = 22
+"""Of Pillow's weights behind the point: what is left of 32 beside 8 for the pixel and 2 for overshoot."""
 
 
 def kernel(method: Method, x: np.ndarray) -> np.ndarray:
@@ -31,7 +33,7 @@ def kernel(method: Method, x: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def resize_matrix(source: int, target: int, method: Method, antialias: bool = True) -> np.ndarray:
-    """[target, source] float32: each row the weights of the source's samples in one sample of the target; rows sum to 1.
+    """[target, source] float64: each row the weights of the source's samples in one sample of the target; rows sum to 1.
 
     When shrinking, the kernel is widened by the ratio, unless antialias is off. Samples beyond the edge are left out.
     """
@@ -44,7 +46,7 @@ def resize_matrix(source: int, target: int, method: Method, antialias: bool = Tr
     # Pillow's window: the kernel is asked only at samples whose rounded distance is within its support.
     first, last = np.floor(np.maximum(centre - support + 0.5, 0)), np.floor(np.minimum(centre + support + 0.5, source))
     weights = np.where((place >= first) & (place < last), weights, 0.0)
-    return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    return weights / weights.sum(axis=1, keepdims=True)
 
 
 def scaled_size(height: int, width: int, pixels: Pixels) -> tuple[int, int]:
@@ -63,14 +65,15 @@ def resized(images: Array, pixels: Pixels, *, eight_bits: bool = False) -> Array
     """
     _, height, width, _ = images.shape
     tall, wide = scaled_size(height, width, pixels)
-    if wide != width:
-        across = resize_matrix(width, wide, pixels.method, pixels.antialias)
-        images = _held(jnp.einsum("bhwc,vw->bhvc", images, across, precision="highest"), eight_bits)
-    if tall != height:
-        down = resize_matrix(height, tall, pixels.method, pixels.antialias)
-        images = _held(jnp.einsum("bhvc,uh->buvc", images, down, precision="highest"), eight_bits)
+    passes = [("bhwc,vw->bhvc", width, wide), ("bhwc,uh->buwc", height, tall)]
+    if tall < height and wide > width:
+        passes.reverse()  # as Pillow: across first, unless down is the pass that shrinks
+    for axes, before, after in passes:
+        if before != after:
+            images = _product(axes, images, resize_matrix(before, after, pixels.method, pixels.antialias), eight_bits)
     top, left = (tall - pixels.size) // 2, (wide - pixels.size) // 2
-    return images[:, top : top + pixels.size, left : left + pixels.size]
+    images = images[:, top : top + pixels.size, left : left + pixels.size]
+    return images + jax.lax.stop_gradient(jnp.clip(images, 0.0, 1.0) - images)
 
 
 def prepared(images: Array, pixels: Pixels, *, eight_bits: bool = False) -> Array:
@@ -86,9 +89,14 @@ def prepared(images: Array, pixels: Pixels, *, eight_bits: bool = False) -> Arra
     return (images - mean[None, None, None]) / std[None, None, None]
 
 
-def _held(images: Array, eight_bits: bool) -> Array:
-    """Clipped to [0, 1], and rounded to 1/255 where wanted, while the gradient passes straight through."""
-    held = jnp.clip(images, 0.0, 1.0)
-    if eight_bits:
-        held = jnp.floor(held * 255.0 + 0.5) / 255.0
-    return images + jax.lax.stop_gradient(held - images)
+def _product(axes: str, images: Array, matrix: np.ndarray, eight_bits: bool) -> Array:
+    """One pass; where wanted the value is clipped and rounded, while the gradient is that of the product alone."""
+    smooth = jnp.einsum(axes, images, matrix.astype(np.float32), precision="highest")
+    if not eight_bits:
+        return smooth
+    # As Pillow does it: weights in units of 2^-22, so that the sum is exact in 32 bits and ties fall the same way.
+    whole = jnp.round(jax.lax.stop_gradient(images) * 255.0).astype(jnp.int32)
+    weights = np.trunc(matrix * (1 << BITS) + np.where(matrix < 0, -0.5, 0.5)).astype(np.int32)
+    summed = jnp.einsum(axes, whole, weights, preferred_element_type=jnp.int32) + (1 << (BITS - 1))
+    exact = jnp.clip(jax.lax.shift_right_arithmetic(summed, BITS), 0, 255).astype(jnp.float32) / 255.0
+    return smooth + jax.lax.stop_gradient(exact - smooth)

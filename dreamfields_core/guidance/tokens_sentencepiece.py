@@ -67,7 +67,7 @@ def from_model_file(data: bytes) -> Tokenizer:
     table = rules.get(2, b"")
     steps: list[normalizers.Normalizer] = [normalizers.Precompiled(table)] if isinstance(table, bytes) and table else []
     if rules.get(4, 1):
-        steps += [normalizers.Strip(), normalizers.Replace(Regex(" {2,}"), " ")]
+        steps += [normalizers.Replace(Regex("^ +| +$"), ""), normalizers.Replace(Regex(" {2,}"), " ")]
     tokenizer.normalizer = normalizers.Sequence(steps)
     tokenizer.pre_tokenizer = pre_tokenizers.Metaspace(prepend_scheme="always" if rules.get(3, 1) else "never", split=False)
     tokenizer.decoder = decoders.Metaspace()
@@ -79,10 +79,7 @@ def _splitter(tokenizer: Tokenizer, prepare: Callable[[str], str]) -> Callable[[
     tokenizer.no_truncation()
 
     def split(caption: str) -> Pieces:
-        text = prepare(caption)
-        if not text.strip():
-            return [], []
-        found = tokenizer.encode(text, add_special_tokens=False)
+        found = tokenizer.encode(prepare(caption), add_special_tokens=False)
         return found.ids, [token.replace("▁", " ") for token in found.tokens]
 
     return split
