@@ -29,7 +29,7 @@ from dreamfields_core.types import Encoder
 
 WEIGHTS = Path(__file__).parent.parent / "storage" / "embedded"
 WORK = Path(".cache/embedded")
-SAVE_EVERY = 250
+SAVE_EVERY = 100
 log = logging.getLogger(__name__)
 
 

@@ -8,6 +8,11 @@ import jax.numpy as jnp
 from dreamfields_core.types import Array, Params
 
 
+def along_last(vector: Array, x: Array) -> Array:
+    """[width] -> [1, ..., width], to meet `x` [..., width]."""
+    return vector.reshape((1,) * (x.ndim - 1) + vector.shape)
+
+
 def init_linear(key: Array, inputs: int, outputs: int, *, scale: float = 1.0) -> Params:
     """Weight [inputs, outputs], bias [outputs]."""
     return {"w": jax.random.normal(key, (inputs, outputs)) * scale * inputs**-0.5, "b": jnp.zeros(outputs)}
@@ -15,7 +20,8 @@ def init_linear(key: Array, inputs: int, outputs: int, *, scale: float = 1.0) ->
 
 def linear(params: Params, x: Array) -> Array:
     """[..., inputs] -> [..., outputs]."""
-    return x @ params["w"] + params["b"]
+    y = x @ params["w"]
+    return y + along_last(params["b"], y)
 
 
 def init_conv(key: Array, inputs: int, outputs: int, *, scale: float = 1.0) -> Params:
@@ -27,7 +33,7 @@ def init_conv(key: Array, inputs: int, outputs: int, *, scale: float = 1.0) -> P
 def conv(params: Params, x: Array, *, stride: int = 1) -> Array:
     """[batch, height, width, inputs] -> [batch, height / stride, width / stride, outputs]."""
     y = jax.lax.conv_general_dilated(x, params["w"], (stride, stride), "SAME", dimension_numbers=("NHWC", "HWIO", "NHWC"))
-    return y + params["b"]
+    return y + along_last(params["b"], y)
 
 
 def init_residual(key: Array, width: int, *, gain: float = 0.2) -> Params:
@@ -39,7 +45,7 @@ def init_residual(key: Array, width: int, *, gain: float = 0.2) -> Params:
 def residual(params: Params, x: Array) -> Array:
     """x + gain * conv(silu(conv(silu(x)))): needs no normalisation, so that one picture does not depend on its batch."""
     y = conv(params["first"], jax.nn.silu(x))
-    return x + params["gain"] * conv(params["second"], jax.nn.silu(y))
+    return x + along_last(params["gain"], x) * conv(params["second"], jax.nn.silu(y))
 
 
 def space_to_depth(x: Array, side: int) -> Array:
@@ -57,7 +63,8 @@ def init_norm(width: int) -> Params:
 def norm(params: Params, x: Array, *, epsilon: float = 1e-5) -> Array:
     """Layer normalisation over the last axis."""
     x = x - x.mean(-1, keepdims=True)
-    return x * jax.lax.rsqrt((x * x).mean(-1, keepdims=True) + epsilon) * params["scale"] + params["shift"]
+    x = x * jax.lax.rsqrt((x * x).mean(-1, keepdims=True) + epsilon)
+    return x * along_last(params["scale"], x) + along_last(params["shift"], x)
 
 
 def init_transformer(key: Array, width: int, *, widening: int = 4) -> Params:

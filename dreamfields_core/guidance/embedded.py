@@ -114,7 +114,9 @@ def model_from_arrays(name: str, arrays: Mapping[str, np.ndarray], metadata: Map
         key = jax.tree_util.keystr(path, simple=True, separator=".")
         if key not in arrays or arrays[key].shape != shape.shape:
             got = arrays[key].shape if key in arrays else "nothing"
-            raise ValueError(f"expected array {key!r} of shape {shape.shape} in the weights of {name!r}, got {got}: the file is damaged, fetch it again")
+            raise ValueError(
+                f"expected array {key!r} of shape {shape.shape} in the weights of {name!r}, got {got}: the file is damaged, fetch it again"
+            )
         return jnp.asarray(arrays[key], jnp.float32)
 
     return Model(architecture, tuple(metadata["vocabulary"].split()), jax.tree_util.tree_map_with_path(leaf, shapes))

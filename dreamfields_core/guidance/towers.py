@@ -48,7 +48,10 @@ def init(key: Array, architecture: Architecture) -> Params:
 def _init_image(key: Array, a: Architecture) -> Params:
     keys = iter(jax.random.split(key, 8 + a.fine_blocks + a.coarse_blocks))
     attention = a.seeing == "attention"
-    coarse = [blocks.init_transformer(next(keys), a.coarse) if attention else blocks.init_residual(next(keys), a.coarse) for _ in range(a.coarse_blocks)]
+    coarse = [
+        blocks.init_transformer(next(keys), a.coarse) if attention else blocks.init_residual(next(keys), a.coarse)
+        for _ in range(a.coarse_blocks)
+    ]
     params = {
         "stem": blocks.init_conv(next(keys), 48, a.fine),
         "fine": [blocks.init_residual(next(keys), a.fine) for _ in range(a.fine_blocks)],
@@ -86,7 +89,7 @@ def _convolve(params: Params, x: Array) -> Array:
 
 def _attend(params: Params, x: Array, a: Architecture) -> Array:
     """Transformer blocks, then the mean and what learned queries look at, a share of the channels each: [batch, 2 * coarse]."""
-    x = x.reshape(x.shape[0], -1, a.coarse) + params["place"]
+    x = x.reshape(x.shape[0], -1, a.coarse) + params["place"][None]
     for block in params["coarse"]:
         x = blocks.transformer(block, x, heads=a.heads)
     x = blocks.norm(params["norm"], x)
@@ -101,7 +104,7 @@ def _init_text(key: Array, a: Architecture) -> Params:
     return {
         "words": 0.5 * jax.random.normal(keys[0], (a.words, a.text_width)),
         "place": 0.1 * jax.random.normal(keys[1], (a.length, a.text_width)),
-        "blocks": [blocks.init_transformer(k, a.text_width) for k in keys[3:]],
+        "blocks": [blocks.init_transformer(k, a.text_width, widening=2) for k in keys[3:]],
         "norm": blocks.init_norm(a.text_width),
         "out": blocks.init_linear(keys[2], a.text_width, a.dim),
     }
@@ -110,7 +113,7 @@ def _init_text(key: Array, a: Architecture) -> Params:
 def read(params: Params, tokens: Array, a: Architecture) -> Array:
     """Tokens [batch, length], 0 is padding -> unit vectors [batch, dim]."""
     params, mask = params["text"], tokens > 0
-    x = params["words"][tokens] + params["place"][: tokens.shape[1]]
+    x = params["words"][tokens] + params["place"][None, : tokens.shape[1]]
     for block in params["blocks"]:
         x = blocks.transformer(block, x, heads=2, mask=mask)
     x = jnp.where(mask[..., None], blocks.norm(params["norm"], x), 0).sum(1) / jnp.maximum(mask.sum(1, keepdims=True), 1)

@@ -1,4 +1,4 @@
-"""Captioned pictures by the page: each page follows from (seed, page) alone, so an album can be made in any order and by any number of processes."""
+"""Captioned pictures by the page: each page follows from (seed, page) alone, so that pages can be made in any order."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ def training_page(seed: int, page: int, *, n: int = PAGE, size: int = SIZE) -> P
     """Taught combinations, seen from outside the held-out band."""
     rng = np.random.default_rng([seed, page])
     descriptions = [random_description(rng, held_out=False) for _ in range(n)]
-    return Page(np.stack([picture(d, rng, gap=HELD_OUT_ELEVATIONS, size=size) for d in descriptions]), [describe(d) for d in descriptions])
+    return Page(np.stack([picture(rng, d, gap=HELD_OUT_ELEVATIONS, size=size) for d in descriptions]), [describe(d) for d in descriptions])
 
 
 def examination(descriptions: Sequence[Description], *, seed: int, size: int = SIZE) -> np.ndarray:
     """One picture of each description from the held-out band, uint8 RGBA [n, size, size, 4]."""
     rng = np.random.default_rng([seed, 0xE8A])
-    return np.stack([picture(d, rng, elevations=HELD_OUT_ELEVATIONS, size=size) for d in descriptions])
+    return np.stack([picture(rng, d, elevations=HELD_OUT_ELEVATIONS, size=size) for d in descriptions])
 
 
-def picture(description: Description, rng: np.random.Generator, *, elevations=(0.0, 60.0), gap=None, size: int = SIZE) -> np.ndarray:
+def picture(rng: np.random.Generator, description: Description, *, elevations=(0.0, 60.0), gap=None, size: int = SIZE) -> np.ndarray:
     """One picture with random proportions, camera and light, uint8 RGBA [size, size, 4]."""
     sized = description.thing.size is not None
-    return render(stage(description, rng), random_camera(rng, elevations=elevations, gap=gap, sized=sized), random_light(rng), size=size)
+    return render(stage(rng, description), random_camera(rng, elevations=elevations, gap=gap, sized=sized), random_light(rng), size=size)
 
 
 FACTS: dict[str, tuple[str, ...]] = {

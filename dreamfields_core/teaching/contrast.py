@@ -1,4 +1,4 @@
-"""What a lesson asks for: picture and caption agree more than either does with anything else (Radford et al. 2021), and both know the facts.
+"""What a lesson asks for: picture and caption agree with each other most (Radford et al. 2021), and both know the facts.
 
 Symbols: B pictures with a right and a wrong caption each, J junk pictures, D dimensions of the shared space.
 """

@@ -37,20 +37,19 @@ class Description:
     other: Thing | None = None
 
 
-def describe(description: Description, rng: np.random.Generator | None = None) -> str:
-    """A caption that says `description`; plain without `rng`, else one of its paraphrases with synonyms and prefixes."""
-    if rng is None:
-        return _plain(description)
-    caption = _sentence(description, rng)
-    if rng.random() < 0.5:
-        caption = f"{words.PREFIXES[rng.integers(len(words.PREFIXES))]} {caption}"
-    return caption
-
-
-def _plain(description: Description) -> str:
+def describe(description: Description) -> str:
+    """The plain caption."""
     caption = _noun_phrase(description.thing)
     if description.other is not None:
         caption = f"{caption} {description.relation} {_noun_phrase(description.other)}"
+    return caption
+
+
+def paraphrase(rng: np.random.Generator, description: Description) -> str:
+    """One of the many captions that say the same, with synonyms, and with a prefix half the time."""
+    caption = _sentence(rng, description)
+    if rng.random() < 0.5:
+        caption = f"{words.PREFIXES[rng.integers(len(words.PREFIXES))]} {caption}"
     return caption
 
 
@@ -67,34 +66,34 @@ def _article(noun: str) -> str:
     return ("an " if noun[0] in "aeiou" else "a ") + noun
 
 
-def _sentence(description: Description, rng: np.random.Generator) -> str:
-    first = _paraphrase(description.thing, rng)
+def _sentence(rng: np.random.Generator, description: Description) -> str:
+    first = _thing(rng, description.thing)
     if description.other is None:
         return first
-    second = _paraphrase(description.other, rng)
+    second = _thing(rng, description.other)
     if description.relation == "on top of":
         form = rng.random()
         if form < 0.15:
             return f"{second} with {first} on top"
         if form < 0.3:
             return f"{second} {words.UNDER[rng.integers(len(words.UNDER))]} {first}"
-    return f"{first} {_name(description.relation, rng)} {second}"
+    return f"{first} {_name(rng, description.relation)} {second}"
 
 
-def _paraphrase(thing: Thing, rng: np.random.Generator) -> str:
-    adjectives = [_name(word, rng) for word in (thing.size, thing.pattern, thing.color) if word]
-    kind = _name(thing.kind, rng)
+def _thing(rng: np.random.Generator, thing: Thing) -> str:
+    adjectives = [_name(rng, word) for word in (thing.size, thing.pattern, thing.color) if word]
+    kind = _name(rng, thing.kind)
     if rng.random() < 0.2:
         adjectives[-2:] = adjectives[-2:][::-1]
     if adjectives and rng.random() < 0.25:
         phrase = f"{_article(kind)} that is {' and '.join(adjectives)}"
     else:
         phrase = _article(" ".join([*adjectives, kind]))
-    return phrase + (_part(thing, rng) if thing.part_color else "")
+    return phrase + (_part(rng, thing) if thing.part_color else "")
 
 
-def _part(thing: Thing, rng: np.random.Generator) -> str:
-    part, color = words.PARTS[thing.kind][0], _name(thing.part_color, rng)
+def _part(rng: np.random.Generator, thing: Thing) -> str:
+    part, color = words.PARTS[thing.kind][0], _name(rng, thing.part_color)
     plural = part.endswith("s")
     joint = " with " if rng.random() < 0.7 else " that has "
     if rng.random() < 0.2:
@@ -102,14 +101,14 @@ def _part(thing: Thing, rng: np.random.Generator) -> str:
     return joint + (f"{color} {part}" if plural else _article(f"{color} {part}"))
 
 
-def _name(word: str, rng: np.random.Generator) -> str:
+def _name(rng: np.random.Generator, word: str) -> str:
     """The word itself two times in three, else one of its synonyms."""
     synonyms = [alias for alias, canonical in words.SYNONYMS.items() if canonical == word]
     return synonyms[rng.integers(len(synonyms))] if synonyms and rng.random() < 1 / 3 else word
 
 
 def parse(caption: str) -> Description:
-    """What a caption of the language says; the inverse of `describe`.
+    """What a caption of the language says; the inverse of `describe` and of `paraphrase`.
 
     Raises:
       ValueError: the caption is outside the language; its text is one sentence.

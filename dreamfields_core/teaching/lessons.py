@@ -20,7 +20,7 @@ from dreamfields_core.guidance import embedded
 from dreamfields_core.guidance.towers import Architecture, read, see
 from dreamfields_core.teaching import contrast, words
 from dreamfields_core.teaching.album import descriptions_of, facts
-from dreamfields_core.teaching.language import Description, describe
+from dreamfields_core.teaching.language import Description, paraphrase
 from dreamfields_core.teaching.pools import hard_negative, meaning
 from dreamfields_core.teaching.spoiling import junk, spoil
 from dreamfields_core.types import Array, Params
@@ -35,6 +35,8 @@ class Course:
     pages: of the album, 1 024 pictures each.
     plain_steps, robust_steps: batches seen; a robust batch is seen `replays` times, each counting as a step.
     radius: of the L2 ball in pixel values, ramped in over the first third of the robust steps.
+    learning_rate: of the plain lessons, after a warm-up; it would fall to nothing at step `horizon`, a cosine.
+    robust_rate: at the first robust step, from where it falls to nothing at the last.
     """
 
     seed: int
@@ -46,6 +48,8 @@ class Course:
     replays: int = 3
     radius: float = 1.0
     learning_rate: float = 2e-3
+    horizon: int = 6000
+    robust_rate: float = 1e-3
     averaging: float = 0.998
     facts_weight: float = 1.0
 
@@ -86,8 +90,10 @@ def begin(course: Course) -> tuple[embedded.Model, Progress]:
 
 
 def _optimizer(course: Course) -> optax.GradientTransformation:
-    warm = min(150, course.steps // 10 + 1)
-    rate = optax.warmup_cosine_decay_schedule(0.0, course.learning_rate, warm, course.steps, 0.01 * course.learning_rate)
+    warm = min(150, course.horizon // 10 + 1)
+    plain = optax.warmup_cosine_decay_schedule(0.0, course.learning_rate, warm, course.horizon, 0.01 * course.learning_rate)
+    robust = optax.cosine_decay_schedule(course.robust_rate, max(course.robust_steps, 1), 0.01)
+    rate = optax.join_schedules([plain, robust], [course.plain_steps])
     return optax.chain(optax.clip_by_global_norm(1.0), optax.adamw(rate, b2=0.99, weight_decay=0.01))
 
 
@@ -108,20 +114,20 @@ class Class:
         rng = np.random.default_rng([course.seed, 7, lesson])
         chosen = rng.integers(len(self.pictures), size=course.batch)
         said = [self.descriptions[i] for i in chosen]
-        wrong = [hard_negative(description, rng) for description in said]
+        wrong = [hard_negative(rng, description) for description in said]
         return Batch(
             self.pictures[chosen],
-            self.tokenize([self._caption(description, rng) for description in said]),
-            self.tokenize([self._caption(description, rng) for description in wrong]),
+            self.tokenize([self._caption(rng, description) for description in said]),
+            self.tokenize([self._caption(rng, description) for description in wrong]),
             np.array([fingerprint(description) for description in said], np.int32),
             np.array([fingerprint(description) for description in wrong], np.int32),
             self.facts[chosen],
         )
 
-    def _caption(self, description: Description, rng: np.random.Generator) -> str:
+    def _caption(self, rng: np.random.Generator, description: Description) -> str:
         """A paraphrase short enough to be read whole."""
         while True:
-            caption = describe(description, rng)
+            caption = paraphrase(rng, description)
             if len(embedded.words_of(caption)) <= self.length:
                 return caption
 
@@ -135,15 +141,17 @@ def make_step(course: Course, architecture: Architecture) -> Callable[[Progress,
     """The compiled step: (progress, batch) -> (progress, what to report)."""
     optimizer = _optimizer(course)
 
-    def loss(params, images, batch: Batch, key):
+    def loss(params, images, junk_key, batch: Batch):
         model = params["model"]
-        pictures = jnp.concatenate([images, junk(key, images[: course.batch // 8])])
+        pictures = jnp.concatenate([images, junk(junk_key, images[: course.batch // 8])])
         seen = see(model, pictures, architecture)
         seen, odd = seen[: course.batch], seen[course.batch :]
         texts = read(model, jnp.concatenate([batch.tokens, batch.wrong]), architecture)
         right, wrong = jnp.split(texts, 2)
         apart = contrast.contrast(seen, right, wrong, odd, batch.meaning, batch.wrong_meaning, model["log_scale"])
-        unknown = contrast.ignorance(params["questions"], seen, batch.facts) + 0.5 * contrast.ignorance(params["questions"], right, batch.facts)
+        unknown = contrast.ignorance(params["questions"], seen, batch.facts) + 0.5 * contrast.ignorance(
+            params["questions"], right, batch.facts
+        )
         hits = jnp.mean(jnp.argmax(seen @ texts.T, 1) == jnp.arange(course.batch))
         return apart + course.facts_weight * unknown, {"contrast": apart, "facts": unknown, "hits": hits}
 
@@ -159,7 +167,7 @@ def make_step(course: Course, architecture: Architecture) -> Callable[[Progress,
         perturbation = jnp.where(replay > 0, progress.perturbation, 0)
         images = jnp.clip(clean + perturbation, 0, 1)
         gradient = jax.grad(loss, argnums=(0, 1), has_aux=True)
-        (slope, image_slope), report = gradient(progress.params, images, batch, jax.random.fold_in(key, 1))
+        (slope, image_slope), report = gradient(progress.params, images, jax.random.fold_in(key, 1), batch)
         updates, state = optimizer.update(slope, progress.optimizer, progress.params)
         params = optax.apply_updates(progress.params, updates)
         keep = jnp.minimum(course.averaging, (1.0 + number) / (10.0 + number))

@@ -35,7 +35,9 @@ class Light(NamedTuple):
     direction: np.ndarray | None = None
 
 
-def random_camera(rng: np.random.Generator, *, elevations=(0.0, 60.0), gap: tuple[float, float] | None = None, sized: bool = False) -> Camera:
+def random_camera(
+    rng: np.random.Generator, *, elevations=(0.0, 60.0), gap: tuple[float, float] | None = None, sized: bool = False
+) -> Camera:
     """Any azimuth, an elevation of the range in degrees outside `gap`; the focal length varies little where sizes must be told."""
     while True:
         elevation = rng.uniform(*elevations)
@@ -57,12 +59,14 @@ def random_light(rng: np.random.Generator) -> Light:
     return Light(rng.uniform(0.3, 0.6), (direction / np.linalg.norm(direction)).astype(np.float32))
 
 
-def render_description(description: Description, cameras: list[Camera], *, seed: int = 0, size: int = SIZE, light: Light | None = None) -> np.ndarray:
+def render_description(
+    description: Description, cameras: list[Camera], *, seed: int = 0, size: int = SIZE, light: Light | None = None
+) -> np.ndarray:
     """True pictures of one scene from several cameras, RGBA uint8 [views, size, size, 4]: the oracle, and multi-view ground truth.
 
     `seed` decides the proportions; the scene is the same in all views.
     """
-    solids = stage(description, np.random.default_rng(seed))
+    solids = stage(np.random.default_rng(seed), description)
     return np.stack([render(solids, camera, light or Light(0.4), size=size) for camera in cameras])
 
 

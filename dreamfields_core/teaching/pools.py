@@ -60,15 +60,15 @@ def _choice(rng: np.random.Generator, names) -> str:
     return names[rng.integers(len(names))]
 
 
-def hard_negative(description: Description, rng: np.random.Generator) -> Description:
+def hard_negative(rng: np.random.Generator, description: Description) -> Description:
     """The description with one attribute changed: the wrong caption that is hardest to tell from the right one."""
     while True:
-        changed = _CHANGES[rng.integers(len(_CHANGES))](description, rng)
+        changed = _CHANGES[rng.integers(len(_CHANGES))](rng, description)
         if meaning(changed) != meaning(description):
             return changed
 
 
-def _change_kind(description: Description, rng: np.random.Generator) -> Description:
+def _change_kind(rng: np.random.Generator, description: Description) -> Description:
     thing = description.thing
     if description.other is None:
         return replace(description, thing=replace(thing, kind=_choice(rng, words.PARTS if thing.part_color else words.KINDS)))
@@ -76,7 +76,7 @@ def _change_kind(description: Description, rng: np.random.Generator) -> Descript
     return replace(description, **{which: replace(getattr(description, which), kind=_choice(rng, words.RELATABLE))})
 
 
-def _change_color(description: Description, rng: np.random.Generator) -> Description:
+def _change_color(rng: np.random.Generator, description: Description) -> Description:
     which = "other" if description.other and rng.random() < 0.5 else "thing"
     thing = getattr(description, which)
     field = "part_color" if thing.part_color and rng.random() < 0.5 else "color"
@@ -85,7 +85,7 @@ def _change_color(description: Description, rng: np.random.Generator) -> Descrip
     return replace(description, **{which: replace(thing, **{field: _choice(rng, words.COLORS)})})
 
 
-def _change_structure(description: Description, rng: np.random.Generator) -> Description:
+def _change_structure(rng: np.random.Generator, description: Description) -> Description:
     """Swaps what belongs to which: the part's colour and the body's, the two things, the relation, the pattern, the size."""
     thing, other = description.thing, description.other
     if other is not None:
@@ -104,7 +104,8 @@ def _change_structure(description: Description, rng: np.random.Generator) -> Des
     return replace(description, thing=replace(thing, pattern=_choice(rng, words.PATTERNS))) if thing.color else description
 
 
-_CHANGES: tuple[Callable[[Description, np.random.Generator], Description], ...] = (_change_kind, _change_kind, _change_color, _change_structure)
+_Change = Callable[[np.random.Generator, Description], Description]
+_CHANGES: tuple[_Change, ...] = (_change_kind, _change_kind, _change_color, _change_structure)
 
 
 def meaning(description: Description) -> tuple:

@@ -31,7 +31,7 @@ def see_through_lens(key: Array, pictures: Array) -> Array:
     width = jnp.where(u[2] < 0.4, 0.35 + 1.2 * u[3], 0.35)
     coarse = jnp.where(u[4] < 0.12, 2.0, 1.0)
     place = jnp.arange(size) + 0.5
-    place = (jnp.floor(place / coarse) + 0.5) * coarse - size / 2
+    place = (jnp.floor(place[None, :] / coarse) + 0.5) * coarse - size / 2
     width = jnp.maximum(width, 0.5 * (coarse > 1) * coarse)
     reach = 0.1 * size
     rows = _lens(place / zoom + reach * (2 * u[5] - 1), width, size)
@@ -43,7 +43,7 @@ def _lens(place: Array, width: Array, size: int) -> Array:
     """Gaussian weights [batch, size, size] of source pixels for each target; `place` is measured from the middle. Outside is empty."""
     pad = size // 4
     source = jnp.arange(-pad, size + pad) + 0.5 - size / 2
-    weights = jnp.exp(-0.5 * ((place[:, :, None] - source) / width[:, :, None]) ** 2)
+    weights = jnp.exp(-0.5 * ((place[:, :, None] - source[None, None, :]) / width[:, :, None]) ** 2)
     weights = weights / (weights.sum(-1, keepdims=True) + 1e-6)
     return weights[:, :, pad:-pad]
 
@@ -59,7 +59,7 @@ def fog(key: Array, pictures: Array) -> Array:
 
 
 def background(key: Array, batch: int, size: int) -> Array:
-    """White .3, one colour .2, noise .15, checkers .15, waves .2; noise and checkers are blurred by a random width. [batch, size, size, 3]."""
+    """White .3, one colour .2, noise .15, checkers .15, waves .2; noise and checkers are blurred. [batch, size, size, 3]."""
     keys = jax.random.split(key, 6)
     which = jax.random.uniform(keys[0], (batch, 1, 1, 1))
     colors = jax.random.uniform(keys[1], (2, batch, 1, 1, 3))
@@ -67,11 +67,11 @@ def background(key: Array, batch: int, size: int) -> Array:
     u = jax.random.uniform(keys[3], (4, batch, 1, 1))
     cell = 3 + 13 * u[0]
     place = jnp.arange(size)
-    odd = (jnp.floor((place[:, None] + size * u[1]) / cell) + jnp.floor((place[None, :] + size * u[2]) / cell)) % 2
+    odd = (jnp.floor((place[None, :, None] + size * u[1]) / cell) + jnp.floor((place[None, None, :] + size * u[2]) / cell)) % 2
     checkers = jnp.where(odd[..., None] > 0, colors[0], colors[1])
     busy = jnp.where(which < 0.65, noise, checkers)
     blur = jax.random.uniform(keys[4], (batch, 1)) ** 2 * 4 + 0.2
-    lens = _lens(jnp.broadcast_to(place + 0.5 - size / 2, (batch, size)), blur, size)
+    lens = _lens(jnp.broadcast_to(place[None, :] + 0.5 - size / 2, (batch, size)), blur, size)
     busy = jnp.einsum("bih,bhwc,bjw->bijc", lens / (lens.sum(-1, keepdims=True) + 1e-6), busy, lens / (lens.sum(-1, keepdims=True) + 1e-6))
     x = jnp.where(which < 0.8, busy, _waves(keys[5], batch, size))
     return jnp.clip(jnp.where(which < 0.3, 1.0, jnp.where(which < 0.5, colors[0], x)), 0, 1)
@@ -80,7 +80,7 @@ def background(key: Array, batch: int, size: int) -> Array:
 def _waves(key: Array, batch: int, size: int, *, terms: int = 5) -> Array:
     """Random Fourier textures in [0, 1]: sums of products of two cosines, [batch, size, size, 3]."""
     u = jax.random.uniform(key, (4, batch, terms, 1))
-    place = jnp.linspace(0, 2 * jnp.pi, size)
+    place = jnp.linspace(0, 2 * jnp.pi, size)[None, None, :]
     rows = jnp.cos(5 * u[0] * place + 6.3 * u[1])
     columns = jnp.cos(5 * u[2] * place + 6.3 * u[3])
     weights = jax.random.normal(jax.random.fold_in(key, 1), (batch, terms, 3))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dreamfields_core.teaching import words
-from dreamfields_core.teaching.distances import Distance, at, scaled, turned
+from dreamfields_core.teaching.distances import Distance, at, scaled
 from dreamfields_core.teaching.language import Description, Thing
 from dreamfields_core.teaching.solids import BODY, KINDS, PART
 
@@ -16,8 +16,9 @@ SCALES = {None: (0.8, 1.0), "small": (0.38, 0.5), "large": (1.15, 1.3)}
 
 
 class Solid(NamedTuple):
-    """distance: placed in the scene. color: [3] in [0, 1]. second: [3], the pattern's other colour. pattern: None, or a key of `words.PATTERNS`.
+    """distance: placed in the scene. color: [3] in [0, 1]. second: [3], the pattern's other colour.
 
+    pattern: None, or a key of `words.PATTERNS`.
     frame: (centre [3], scale): pattern coordinates are (p - centre) / scale.
     """
 
@@ -28,33 +29,33 @@ class Solid(NamedTuple):
     frame: tuple[np.ndarray, float]
 
 
-def stage(description: Description, rng: np.random.Generator) -> list[Solid]:
+def stage(rng: np.random.Generator, description: Description) -> list[Solid]:
     """The solids of a scene about the origin, Z up."""
     if description.other is None:
         low, high = SCALES[description.thing.size]
-        return _place(description.thing, rng, rng.uniform(low, high), np.zeros(3))
-    things = [_make(thing, rng) for thing in (description.thing, description.other)]
+        return _place(rng, description.thing, rng.uniform(low, high), np.zeros(3))
+    things = [_make(rng, thing) for thing in (description.thing, description.other)]
     boxes = [_bounds([part for part, _ in parts]) for parts, _ in things]
-    first, second = (_on_top if description.relation == "on top of" else _side_by_side)(boxes, rng)
+    first, second = (_on_top if description.relation == "on top of" else _side_by_side)(rng, boxes)
     return [*_solids(*things[0], *first), *_solids(*things[1], *second)]
 
 
-def _place(thing: Thing, rng: np.random.Generator, scale: float, centre: np.ndarray) -> list[Solid]:
-    return _solids(*_make(thing, rng), scale, centre)
+def _place(rng: np.random.Generator, thing: Thing, scale: float, centre: np.ndarray) -> list[Solid]:
+    return _solids(*_make(rng, thing), scale, centre)
 
 
-def _make(thing: Thing, rng: np.random.Generator):
+def _make(rng: np.random.Generator, thing: Thing):
     """The parts as (distance, paint), and (body, part, second colour, pattern)."""
     parts = KINDS[thing.kind](rng)
     color = thing.color or list(words.COLORS)[rng.integers(len(words.COLORS))]
-    body = _tint(color, rng)
+    body = _tint(rng, color)
     named = thing.part_color or words.PARTS.get(thing.kind, ("", None))[1]
-    part = _tint(named, rng) if named else body * 0.62 + (0.12 if color == "black" else 0.0)
-    second = _tint({"white": "gray", "gray": "black"}.get(color, "white"), rng)
+    part = _tint(rng, named) if named else body * 0.62 + (0.12 if color == "black" else 0.0)
+    second = _tint(rng, {"white": "gray", "gray": "black"}.get(color, "white"))
     return parts, (body, part, second, thing.pattern)
 
 
-def _tint(color: str, rng: np.random.Generator) -> np.ndarray:
+def _tint(rng: np.random.Generator, color: str) -> np.ndarray:
     """A colour's value, a little off."""
     return np.clip(np.asarray(words.COLORS[color]) + rng.normal(0, 0.025, 3), 0, 1).astype(np.float32)
 
@@ -82,7 +83,7 @@ def _bounds(distances: list[Distance]) -> tuple[np.ndarray, np.ndarray]:
     return points.min(0), points.max(0)
 
 
-def _on_top(boxes, rng: np.random.Generator):
+def _on_top(rng: np.random.Generator, boxes):
     """(scale, centre) of the upper and of the lower thing: it stands where the other ends, a little sunk in."""
     (upper_low, upper_high), (lower_low, lower_high) = boxes
     upper, lower = rng.uniform(0.48, 0.56), rng.uniform(0.58, 0.66)
@@ -94,7 +95,7 @@ def _on_top(boxes, rng: np.random.Generator):
     return (upper, upper_centre + shift), (lower, lower_centre)
 
 
-def _side_by_side(boxes, rng: np.random.Generator):
+def _side_by_side(rng: np.random.Generator, boxes):
     """(scale, centre) of both: on one floor, along a random direction, with a small gap."""
     scales = rng.uniform(0.52, 0.6, 2)
     angle = rng.uniform(0, 2 * np.pi)
@@ -107,8 +108,3 @@ def _side_by_side(boxes, rng: np.random.Generator):
     return tuple(
         (scale, np.array([*(along * place), floor - scale * low[2]])) for scale, place, (low, _) in zip(scales, places, boxes, strict=True)
     )
-
-
-def yawed(solids: list[Solid], angle: float) -> list[Solid]:
-    """The same scene turned about Z, in radians; patterns stay where they are in the scene."""
-    return [solid._replace(distance=turned(solid.distance, "z", angle)) for solid in solids]

@@ -1,0 +1,103 @@
+"""Lessons teach, and a course that was stopped goes on as if it had not been."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from dreamfields_core.teaching import album, contrast, lessons, spoiling
+from flows import train_embedded
+
+TINY = {"image_size": 16, "dim": 16, "fine": 8, "coarse": 16, "fine_blocks": 1, "coarse_blocks": 1, "text_width": 16, "text_blocks": 1}
+COURSE = lessons.Course(seed=3, sizes=TINY, batch=16, plain_steps=24, robust_steps=6, replays=3, pages=1)
+
+
+@pytest.fixture(scope="module")
+def page() -> album.Page:
+    return album.training_page(3, 0, n=24, size=16)
+
+
+@pytest.fixture(scope="module")
+def taught(page: album.Page):
+    """(state after every step, reports)."""
+    model, progress = lessons.begin(COURSE)
+    pupils = lessons.Class(COURSE, page.pictures, page.captions, model.architecture)
+    step = lessons.make_step(COURSE, model.architecture)
+    states, reports = [progress], []
+    for number in range(COURSE.steps):
+        progress, report = step(progress, pupils.batch(number))
+        states.append(progress)
+        reports.append(report)
+    return states, reports, step, pupils
+
+
+def test_lessons_lower_the_loss(taught) -> None:
+    _, reports, _, _ = taught
+    first, last = (np.mean([float(r["facts"]) for r in part]) for part in (reports[:4], reports[20:24]))
+    assert last < 0.93 * first
+
+
+def test_a_course_resumed_from_disk_is_the_same_to_the_bit(taught, tmp_path) -> None:
+    states, _, step, pupils = taught
+    middle = COURSE.plain_steps + 1  # within a replayed batch, so that the perturbation has to be kept too
+    train_embedded.keep(tmp_path / "state.npz", states[middle])
+    progress = train_embedded.restore(tmp_path / "state.npz", lessons.begin(COURSE)[1])
+    for number in range(middle, COURSE.steps):
+        progress, _ = step(progress, pupils.batch(number))
+    jax.tree.map(np.testing.assert_array_equal, progress, states[-1])
+
+
+def test_robust_lessons_replay_their_batch_and_move_its_pictures(taught) -> None:
+    states, _, _, pupils = taught
+    start = COURSE.plain_steps
+    batches = [pupils.batch(start + i) for i in range(4)]
+    np.testing.assert_array_equal(batches[0].tokens, batches[2].tokens)
+    assert not np.array_equal(batches[0].tokens, batches[3].tokens)
+    lengths = jnp.sqrt((states[-1].perturbation ** 2).sum((1, 2, 3)))
+    assert 0 < float(lengths.max()) <= COURSE.radius + 1e-5
+
+
+def test_a_flow_run_writes_weights_that_load(page, tmp_path, monkeypatch) -> None:
+    short = dataclasses.replace(COURSE, plain_steps=2, robust_steps=0)
+    monkeypatch.setitem(train_embedded.COURSES, "tiny", short)
+    monkeypatch.setattr(train_embedded, "training_page", lambda seed, number: page)
+    path = train_embedded.train_embedded("tiny", tmp_path / "work", tmp_path / "weights")
+    encoder = train_embedded.read_weights(path)
+    assert (encoder.name, encoder.image_size, encoder.dim) == ("tiny", 16, 16)
+    assert [p.name for p in (tmp_path / "weights").iterdir()] == ["tiny.safetensors"]
+
+
+def test_contrast_forgives_captions_of_the_same_meaning() -> None:
+    vectors = jnp.eye(4)
+    same = vectors.at[1].set(vectors[0])
+    meanings, wrong = jnp.array([1, 1, 2, 3]), jnp.array([9, 9, 9, 9])
+    forgiven = contrast.contrast(same, same, -vectors, -vectors[:1], meanings, wrong, jnp.log(50.0))
+    charged = contrast.contrast(same, same, -vectors, -vectors[:1], jnp.arange(4), wrong, jnp.log(50.0))
+    assert float(forgiven) < 1e-3 < 0.1 < float(charged)
+
+
+def test_a_perturbation_stays_in_its_ball() -> None:
+    moved = jnp.zeros((2, 4, 4, 3))
+    for seed in range(5):
+        moved = contrast.toward_ball(moved, jax.random.normal(jax.random.key(seed), moved.shape), jnp.float32(0.5))
+    np.testing.assert_array_less(jnp.sqrt((moved**2).sum((1, 2, 3))), 0.5 + 1e-5)
+
+
+def test_spoiled_pictures_are_pictures() -> None:
+    pictures = jnp.zeros((12, 16, 16, 4)).at[:, 4:12, 4:12].set(1.0)
+    images = spoiling.spoil(jax.random.key(0), pictures)
+    assert images.shape == (12, 16, 16, 3)
+    assert float(images.min()) >= 0
+    assert float(images.max()) <= 1
+    assert np.isfinite(images).all()
+
+
+def test_an_unspoilt_lens_shows_what_is_there() -> None:
+    pictures = jax.random.uniform(jax.random.key(0), (1, 16, 16, 4))
+    place = jnp.arange(16)[None, :] + 0.5 - 8
+    lens = spoiling._lens(place, jnp.full((1, 1), 0.05), 16)
+    np.testing.assert_allclose(jnp.einsum("bih,bhwc,bjw->bijc", lens, pictures, lens), pictures, atol=1e-4)
