@@ -74,6 +74,7 @@ class Display:
         self._say(event["text"])
 
     def _on_resumed(self, event: Event) -> None:
+        self.step = event["step"]
         self._say(f"optimize: goes on from the checkpoint of step {event['step']}")
 
     def _on_rolled_back(self, event: Event) -> None:

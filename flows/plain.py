@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import shlex
 import signal
 import sys
@@ -14,9 +15,10 @@ from typing import Any
 
 from rich.console import Console
 
+from flows.beside import Beside
 from flows.display import Display
 from flows.order import Order
-from flows.recipe import Plainly, make_object
+from flows.recipe import Dream, Plainly, make_object
 from flows.result import leave
 from storage.store import open_store
 from tasks.step import Place
@@ -26,11 +28,14 @@ TERMINATED = 143
 
 
 class Terminated(BaseException):
-    """SIGTERM, raised on the main thread so that the child is told to save."""
+    """SIGTERM."""
 
 
 def dream_plainly(order: Order) -> int:
     """Dream, show how it goes, and say where everything is; the exit code.
+
+    The work is done on a thread of its own and the main thread only waits: a signal is then never swallowed by a library
+    that happens to be running, and what works for the longest is asked to save.
 
     Raises: whatever a step raises.
     """
@@ -39,14 +44,17 @@ def dream_plainly(order: Order) -> int:
     if order.unknown_words:
         unknown, guide = ", ".join(order.unknown_words), order.config.guidance.name
         console.print(f"{guide} does not know: {unknown}; its language is small (see README), published models know more", soft_wrap=True)
-    with Display(console, steps=order.config.optim.steps) as display, _notes(display), _terminable():
+    with Display(console, steps=order.config.optim.steps) as display, _notes(display):
         place = Place(open_store(order.store), display, order.folder / "preview.png")
+        dreaming: Beside[Dream] = Beside(lambda: make_object(Plainly(place, order.config), order.caption, order.config))
         try:
-            dream = make_object(Plainly(place, order.config), order.caption, order.config)
+            with _terminable():
+                dreaming.wait()
         except (KeyboardInterrupt, Terminated) as how:
-            display.close()
-            _farewell(console, display)
-            return INTERRUPTED if isinstance(how, KeyboardInterrupt) else TERMINATED
+            _stop(console, display, place, dreaming)
+            # Not by way of the interpreter's end: threads that compute in native code would crash it.
+            os._exit(INTERRUPTED if isinstance(how, KeyboardInterrupt) else TERMINATED)
+        dream = dreaming.result()
         result = leave(order, dream, place.store)
     _tell(console, order, result, all_cached=all(done.cached for done in dream.steps), seconds=time.monotonic() - begun)
     return 0
@@ -54,6 +62,8 @@ def dream_plainly(order: Order) -> int:
 
 @contextmanager
 def _terminable() -> Iterator[None]:
+    """SIGTERM is raised on the main thread, as Ctrl-C is."""
+
     def raise_terminated(number: int, frame: FrameType | None) -> None:
         raise Terminated
 
@@ -62,6 +72,19 @@ def _terminable() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _stop(console: Console, display: Display, place: Place, dreaming: Beside[Dream]) -> None:
+    """Have the long step saved, and say how to go on."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # it is saving: impatience would only lose steps
+    if place.stop.request():
+        display({"event": "note", "text": "stopping: saving a checkpoint ..."})
+        dreaming.wait()
+    display.close()
+    at = f"at step {display.step} of {display.steps}, which is saved" if display.step else "before the first step"
+    console.print(f"Stopped {at}. To go on, run the same command again:\n  {shlex.join(['dreamfields', *sys.argv[1:]])}", soft_wrap=True)
+    sys.stdout.flush()
 
 
 @contextmanager
@@ -78,11 +101,6 @@ def _notes(display: Display) -> Iterator[None]:
         yield
     finally:
         storage.removeHandler(handler)
-
-
-def _farewell(console: Console, display: Display) -> None:
-    at = f"at step {display.step} of {display.steps}, which is saved" if display.step else "before the first step"
-    console.print(f"Stopped {at}. To go on, run the same command again:\n  {shlex.join(['dreamfields', *sys.argv[1:]])}", soft_wrap=True)
 
 
 def _tell(console: Console, order: Order, result: dict[str, Any], *, all_cached: bool, seconds: float) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 from dreamfields_core.config import DreamConfig
+from flows.beside import Beside
 from tasks.encoders import card
 from tasks.step import Done, Input, Place, Step, perform
 from tasks.steps import ENCODE, MESH, OPTIMIZE, RENDER, SCORE
@@ -46,8 +46,8 @@ def make_object(conduct: Conductor, caption: str, config: DreamConfig) -> Dream:
     dreamt = conduct(OPTIMIZE, text_embedding=words.output("text_embedding.npy"), guide=guide.digest)
     field = dreamt.output("field.safetensors")
     rendering = conduct.start(RENDER, field=field, caption=caption, size=config.evaluate.size or judge.image_size)
-    meshing = conduct.start(MESH, field=field, caption=caption)
-    pictures, mesh = rendering(), meshing()
+    mesh = conduct(MESH, field=field, caption=caption)
+    pictures = rendering()
     score = conduct(SCORE, views=pictures.output("views.npz"), mesh=mesh.output("mesh.glb"), caption=caption, judge=judge.digest)
     return Dream(words, dreamt, pictures, mesh, score)
 
@@ -65,22 +65,5 @@ class Plainly:
         return done
 
     def start(self, step: Step, **inputs: Input) -> Callable[[], Done]:
-        """On a thread that does not outlive the command."""
-        outcome: dict[str, Any] = {}
-
-        def work() -> None:
-            try:
-                outcome["done"] = self(step, **inputs)
-            except BaseException as error:  # raised again where the result is asked for
-                outcome["error"] = error
-
-        thread = threading.Thread(target=work, name=step.name, daemon=True)
-        thread.start()
-
-        def result() -> Done:
-            thread.join()
-            if "error" in outcome:
-                raise outcome["error"]
-            return outcome["done"]  # type: ignore[no-any-return]
-
-        return result
+        """On a thread of its own."""
+        return Beside(lambda: self(step, **inputs)).result

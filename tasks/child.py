@@ -62,10 +62,14 @@ class Child:
         if code != 0:
             raise ChildError(self._obituary(code))
 
-    def stop(self) -> Event | None:
-        """Ask it to save and end, and wait until it has; the last thing it said."""
+    def terminate(self) -> None:
+        """Ask it to save and end; `events` go on until it has."""
         if self._process.poll() is None:
             self._process.terminate()
+
+    def stop(self) -> Event | None:
+        """Ask it to save and end, and wait until it has; the last thing it said."""
+        self.terminate()
         last = self._drain()
         self.close()
         return last

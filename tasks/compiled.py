@@ -22,5 +22,6 @@ def cache_folder() -> Path:
 def keep_compiled() -> None:
     """Tell JAX where to keep compiled programs, unless the user has; through the environment, which JAX reads when it is imported."""
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache_folder() / "compiled"))
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
+    # The many small programs too: together they cost a warm start more than the large ones.
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")

@@ -9,7 +9,7 @@ from typing import Any
 
 from prefect import Task, task
 from prefect.context import TaskRunContext
-from prefect.states import Completed
+from prefect.states import Completed, State
 
 from dreamfields_core.config import DreamConfig
 from storage.steps import StepRecord, find_record
@@ -43,5 +43,7 @@ def fresh(
 
 
 def record_of(result: TaskResult) -> StepRecord:
-    """What a task's result says."""
+    """What a task's result says, state or record."""
+    while isinstance(result, State):
+        result = result.result()
     return StepRecord.from_json(result)

@@ -25,8 +25,9 @@ def optimize(work: Work) -> Made:
     child = Child(WORKER, _job(work))
     last: Event = {"event": "silent"}
     try:
-        for last in child.events():
-            work.place.report(last)
+        with work.place.stop.on_request(child.terminate):
+            for last in child.events():
+                work.place.report(last)
     except ChildError:
         if last["event"] != "failed":
             raise

@@ -8,7 +8,8 @@ so what vanished or was damaged is made again. Steps run with or without a condu
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,13 +31,36 @@ def silent(event: Event) -> None:
     """A report that nobody reads."""
 
 
+class StopRequest:
+    """How somebody outside asks the long step to save and end. Made known by `on_request`, asked for by `request`."""
+
+    def __init__(self) -> None:
+        self._heard_by: list[Callable[[], None]] = []
+
+    @contextmanager
+    def on_request(self, callback: Callable[[], None]) -> Iterator[None]:
+        """Within the block, a request calls this, on the thread of the one who asks."""
+        self._heard_by.append(callback)
+        try:
+            yield
+        finally:
+            self._heard_by.remove(callback)
+
+    def request(self) -> bool:
+        """Ask; False when nobody works on anything that would be lost."""
+        for callback in (heard_by := list(self._heard_by)):
+            callback()
+        return bool(heard_by)
+
+
 @dataclass(frozen=True)
 class Place:
-    """Where steps run: where they keep things, whom they tell, and where a picture may be shown while they work."""
+    """Where steps run: where they keep things, whom they tell, where a picture may be shown meanwhile, and who can stop them."""
 
     store: Store
     report: Report = silent
     preview: Path | None = None
+    stop: StopRequest = field(default_factory=StopRequest)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from tests.tasks.processes import Process
 from tests.tasks.tiny import SETTINGS
 

@@ -11,14 +11,14 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.flows.conftest import Dreams
-from tests.tasks.processes import Process, gone, workers_of
 
 from dreamfields_core.meshing import from_glb, provenance_of
 from storage.artifacts import ArtifactRef, get_artifact
 from storage.checkpoints import latest_checkpoint
 from storage.digests import sha256_file
 from storage.store import open_store
+from tests.flows.conftest import Dreams
+from tests.tasks.processes import gone, workers_of
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes through /proc")
 
@@ -98,6 +98,16 @@ def test_a_signal_saves_the_step_it_stops_at(dreams: Dreams, number: signal.Sign
 
 
 @linux
+def test_a_signal_when_nothing_can_be_lost_ends_at_once(again: Dreams) -> None:
+    process = again.start("--set", "evaluate.turntable_frames=300", "--set", "evaluate.picture_size=256")
+    process.until("optimize: was done already")
+    begun = time.monotonic()
+    process.process.send_signal(signal.SIGINT)
+    assert process.end() == 130 and time.monotonic() - begun < 5, process.text()
+    assert "To go on, run the same command again" in process.text()
+
+
+@linux
 def test_a_full_disk_is_one_sentence(dreams: Dreams, monkeypatch: pytest.MonkeyPatch) -> None:
     """A limit on the size of files stands for the disk: what is small goes on being written, a checkpoint does not."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -110,9 +120,3 @@ def test_a_full_disk_is_one_sentence(dreams: Dreams, monkeypatch: pytest.MonkeyP
     assert "Traceback" not in process.text()
     assert re.match(r"dreamfields: .*(full|room|space|large)", process.lines[-1]), process.text()
 
-
-def test_two_at_once_share_the_work(dreams: Dreams) -> None:
-    both: list[Process] = [dreams.start() for _ in range(2)]
-    assert [process.end() for process in both] == [0, 0], "".join(process.text() for process in both)
-    optimized = [cached(process.text())["optimize"] for process in both]
-    assert sorted(optimized) == [False, True]

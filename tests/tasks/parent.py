@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import sys
 
-from tests.tasks.tiny import tiny
-
 from storage.store import open_store
 from tasks.encoders import card
 from tasks.step import Event, Place, perform
 from tasks.steps import ENCODE, OPTIMIZE
+from tests.tasks.tiny import tiny
 
 
 def main(address: str, *settings: str) -> None:

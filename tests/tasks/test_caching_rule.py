@@ -6,12 +6,12 @@ import threading
 from dataclasses import replace
 
 import pytest
-from tests.tasks.tiny import tiny
 
 from storage.artifacts import get_artifact
 from storage.contract import Store
 from storage.store import open_store
 from tasks.step import Done, Event, Made, Place, Step, Work, key_of, perform
+from tests.tasks.tiny import tiny
 
 CONFIG = tiny()
 

@@ -8,15 +8,15 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tests.tasks.stand_in import StandIn
-from tests.tasks.tiny import tiny
 
 from storage.checkpoints import latest_checkpoint, manifest_keys
 from storage.contract import Store
 from storage.errors import StorageFull
 from storage.local import LocalStore
 from storage.store import open_store
-from tasks.dreamer import LAG, ROLL_BACKS, DreamFailed, Dreamer
+from tasks.dreamer import LAG, ROLL_BACKS, Dreamer, DreamFailed
+from tests.tasks.stand_in import StandIn
+from tests.tasks.tiny import tiny
 
 TEXT = jnp.asarray([0.6, 0.8])
 CONFIG = tiny("optim.steps=23", "optim.checkpoint_every=5", "optim.patience=3")

@@ -10,10 +10,10 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.tasks.processes import Process, gone
 
 from storage.checkpoints import latest_checkpoint
 from storage.store import open_store
+from tests.tasks.processes import Process, gone
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes through /proc")
 PARENT = "tests.tasks.parent"

@@ -28,4 +28,3 @@ SETTINGS = (
 def tiny(*settings: str) -> DreamConfig:
     """A configuration of seconds."""
     return override(preset("draft"), (*SETTINGS, *settings))
-

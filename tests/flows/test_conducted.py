@@ -1,0 +1,89 @@
+"""The same steps as Prefect tasks: the store decides what is done, the page shows what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from prefect import flow
+from prefect.artifacts import Artifact
+from prefect.exceptions import ParameterTypeError
+from prefect.flows import load_flow_from_entrypoint
+from prefect.states import State
+from prefect.testing.utilities import prefect_test_harness
+
+from dreamfields_core.config import DreamConfig
+from flows.dream import dream
+from storage.store import open_store
+from tasks.conducted import as_task, fresh
+from tasks.step import Made, Place, Step, Work
+from tests.flows.conftest import CAPTION, Dreams
+from tests.tasks.processes import REPO
+from tests.tasks.tiny import SETTINGS
+
+PAGE = ("dream-views", "dream-score", "dream-summary")
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[None]:
+    with prefect_test_harness(server_startup_timeout=120):
+        yield
+
+
+def cook(work: Work) -> Made:
+    """A step of no time."""
+    return Made((work.keep("dish.txt", work.text("what").encode(), "text/plain"),))
+
+
+@pytest.mark.usefixtures("server")
+def test_a_lost_artifact_is_a_miss_for_prefect_too(tmp_path: Path) -> None:
+    step, place, config = Step("cook", 1, ("mesh",), cook), Place(open_store(tmp_path)), DreamConfig()
+
+    @flow
+    def kitchen() -> State:
+        task, known = fresh(as_task(step, place), step, place, config, {"what": "soup"})
+        states.append((known, task(config, {"what": "soup"}, return_state=True).name))
+        return None  # type: ignore[return-value]
+
+    states: list[tuple[bool, str]] = []
+    kitchen()
+    kitchen()
+    place.store.delete(next(key for key in place.store.list("blobs")))
+    kitchen()
+    kitchen()
+    assert states == [(False, "Completed"), (True, "Cached"), (False, "Completed"), (True, "Cached")]
+
+
+@pytest.mark.usefixtures("server")
+def test_what_the_plain_command_made_is_there_for_the_flow(again: Dreams) -> None:
+    result = dream(CAPTION, settings=list(SETTINGS), store=str(again.out / "store"), out=str(again.out))
+    _, plain, _ = again.dream()
+    assert result["artifacts"] == plain["artifacts"] and result["scores"] == plain["scores"]
+    found = {key: Artifact.get(key) for key in PAGE}
+    assert all(found.values())
+    assert str(found["dream-views"].data).startswith("data:image/webp;base64,")  # type: ignore[union-attr]
+    assert "embedded-judge" in str(found["dream-score"].data)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"caption": ""},
+        {"caption": "a" * 10_000},
+        {"caption": CAPTION, "preset": "hgih"},
+        {"caption": CAPTION, "seed": -1},
+        {"caption": CAPTION, "settings": ["mesh.faces"]},
+        {},
+    ],
+)
+def test_parameters_are_refused_before_a_run(wrong: dict) -> None:
+    with pytest.raises((ParameterTypeError, TypeError)):
+        dream.validate_parameters(wrong) if "caption" in wrong else dream(**wrong)
+
+
+def test_the_deployments_lead_to_flows() -> None:
+    deployments = yaml.safe_load((REPO / "prefect.yaml").read_text())["deployments"]
+    for deployment in deployments:
+        assert load_flow_from_entrypoint(str(REPO / deployment["entrypoint"])).name == deployment["name"]
