@@ -14,6 +14,7 @@ from dreamfields_core.config import (
     OptimConfig,
     Range,
     RenderConfig,
+    SceneConfig,
     SkipConfig,
 )
 
@@ -28,6 +29,8 @@ def _paper(*, size: int, crop: int, steps: int) -> DreamConfig:
 
 
 DRAFT = DreamConfig(
+    # The grids stay where they are, so the cube around them does too.
+    scene=SceneConfig(track_origin=False),
     field=HybridConfig(),
     camera=CameraConfig(elevation=Range(low=15.0, high=40.0), views=3),
     render=RenderConfig(size=48, crop=44, samples=48, skip=SkipConfig(warmup_steps=24, refresh_every=8)),

@@ -15,7 +15,7 @@ from dreamfields_core.types import Array
 DECAY = 1.5
 """Power by which the amplitude of a random texture falls with frequency."""
 
-CONTRAST = 0.2
+CONTRAST = 2.0
 """Standard deviation of a random texture before it is squashed into [0, 1]."""
 
 
@@ -41,7 +41,7 @@ def fourier_texture(key: Array, size: int) -> Array:
     white = jax.random.normal(key, (3, size, size))
     texture = jnp.fft.irfft2(jnp.fft.rfft2(white) * falloff[None], s=(size, size))
     spread = jnp.std(texture, axis=(1, 2), keepdims=True)
-    texture = 10.0 * CONTRAST * texture / jnp.maximum(spread, 1e-6)
+    texture = CONTRAST * texture / jnp.maximum(spread, 1e-6)
     light, red_green, blue_yellow = texture[0], 0.5 * texture[1], 0.5 * texture[2]
     channels = [light + red_green + 0.5 * blue_yellow, light - red_green + 0.5 * blue_yellow, light - blue_yellow]
     return jax.nn.sigmoid(jnp.stack(channels, axis=-1))

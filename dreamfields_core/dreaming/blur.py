@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 
 from dreamfields_core.types import Array
@@ -26,4 +27,4 @@ def blur_matrix(size: int, deviation: Array) -> Array:
 def gaussian_blur(picture: Array, deviation: Array) -> Array:
     """Rows, then columns. deviation: [] pixels, >= 0."""
     rows, columns = blur_matrix(picture.shape[0], deviation), blur_matrix(picture.shape[1], deviation)
-    return jnp.einsum("hi,wj,ijc->hwc", rows, columns, picture)
+    return jnp.einsum("hi,wj,ijc->hwc", rows, columns, picture, precision=jax.lax.Precision.HIGHEST)

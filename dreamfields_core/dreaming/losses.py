@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 
 from dreamfields_core.types import Array
@@ -9,7 +10,7 @@ from dreamfields_core.types import Array
 
 def similarity(image_embeddings: Array, text_embedding: Array) -> Array:
     """Mean cosine of unit vectors [B, dim] with the caption's [dim]; minus this is the paper's L_CLIP (equation 4)."""
-    return jnp.mean(image_embeddings @ text_embedding)
+    return jnp.mean(jnp.matmul(image_embeddings, text_embedding, precision=jax.lax.Precision.HIGHEST))
 
 
 def clipped_transmittance(transmittance: Array, target: Array) -> Array:

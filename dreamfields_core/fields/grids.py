@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import itertools
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from dreamfields_core.types import Array
+
+HIGHEST = jax.lax.Precision.HIGHEST
+"""Float32 throughout: some accelerators would otherwise round what goes into a matrix product."""
 
 
 def resampling_matrix(coarse: int, fine: int) -> np.ndarray:
@@ -23,9 +27,9 @@ def resampling_matrix(coarse: int, fine: int) -> np.ndarray:
 def resample(grid: Array, *, resolution: int) -> Array:
     """Trilinear resampling of [g+1, g+1, g+1, C] to [G+1, G+1, G+1, C], one axis after another."""
     matrix = jnp.asarray(resampling_matrix(grid.shape[0] - 1, resolution))
-    grid = jnp.einsum("xi,ijkc->xjkc", matrix, grid)
-    grid = jnp.einsum("yj,xjkc->xykc", matrix, grid)
-    return jnp.einsum("zk,xykc->xyzc", matrix, grid)
+    grid = jnp.einsum("xi,ijkc->xjkc", matrix, grid, precision=HIGHEST)
+    grid = jnp.einsum("yj,xjkc->xykc", matrix, grid, precision=HIGHEST)
+    return jnp.einsum("zk,xykc->xyzc", matrix, grid, precision=HIGHEST)
 
 
 def read_grid(grid: Array, points: Array, *, bound: float) -> Array:

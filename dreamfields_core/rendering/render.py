@@ -66,5 +66,5 @@ def render_rays(
         evaluated=jnp.sum(kept, dtype=jnp.int32),
         possible=jnp.int32(kept.size),
         mass=jnp.sum(opacity),
-        moment=jnp.einsum("rs,rsx->x", opacity, points),
+        moment=jnp.einsum("rs,rsx->x", opacity, points, precision=jax.lax.Precision.HIGHEST),
     )
