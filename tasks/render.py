@@ -8,7 +8,7 @@ import numpy as np
 
 from dreamfields_core.rendering.images import on_white
 from dreamfields_core.rendering.pictures import contact_sheet, picture, png, webp_animation
-from dreamfields_core.scene.cameras import poses_at
+from dreamfields_core.scene.cameras import Pose, poses_at
 from dreamfields_core.types import Rendering
 from tasks.film import mp4
 from tasks.finished_field import unpack_field, view_by
@@ -16,16 +16,16 @@ from tasks.step import Made, Work
 
 
 def render(work: Work) -> Made:
-    """Every picture of the finished field."""
+    """Every picture of the finished field; those for people, not for the judge, with half the samples."""
     look, dream = work.config.evaluate, unpack_field(work.read("field"))
-    see = view_by(dream, samples=look.samples)
+    closely, quickly = (view_by(dream, samples=samples) for samples in (look.samples, max(1, look.samples // 2)))
 
-    def around(azimuths: tuple[float, ...], size: int) -> Rendering:
-        return see(poses_at(azimuths, look.elevation, radius=look.radius, focal=look.focal), size)
+    def around(azimuths: tuple[float, ...]) -> Pose:
+        return poses_at(azimuths, look.elevation, radius=look.radius, focal=look.focal)
 
-    judged, shown = around(look.azimuths, work.number("size")), around(look.azimuths, look.picture_size)
+    judged, shown = closely(around(look.azimuths), work.number("size")), quickly(around(look.azimuths), look.picture_size)
     turn = tuple(360.0 * frame / look.turntable_frames for frame in range(look.turntable_frames))
-    frames = list(picture(on_white(around(turn, look.picture_size))))
+    frames = list(picture(on_white(quickly(around(turn), look.picture_size))))
     return Made(
         (
             work.keep("views.npz", _views(judged, np.asarray(dream.origin)), "application/x-npz"),

@@ -119,4 +119,3 @@ def test_a_full_disk_is_one_sentence(dreams: Dreams, monkeypatch: pytest.MonkeyP
     assert process.end() == 1, process.text()
     assert "Traceback" not in process.text()
     assert re.match(r"dreamfields: .*(full|room|space|large)", process.lines[-1]), process.text()
-
