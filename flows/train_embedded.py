@@ -3,13 +3,12 @@
     python -m flows.train_embedded --model guide        makes storage/embedded/guide.safetensors; killed, it goes on where it was
     python -m flows.train_embedded --evaluate guide     what the shipped weights know
 
-The same function is a Prefect flow; it needs no server.
+`train_embedded` is the same as a Prefect flow.
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import logging
 import os
@@ -18,7 +17,7 @@ from pathlib import Path
 
 import jax
 import numpy as np
-import safetensors
+from prefect import flow
 from safetensors.numpy import save
 
 from dreamfields_core.guidance import embedded
@@ -26,6 +25,7 @@ from dreamfields_core.teaching import lessons, report
 from dreamfields_core.teaching.album import Page, training_page
 from dreamfields_core.teaching.courses import COURSES
 from dreamfields_core.types import Encoder
+from storage.weights import read_weights
 
 WEIGHTS = Path(__file__).parent.parent / "storage" / "embedded"
 WORK = Path(".cache/embedded")
@@ -33,11 +33,26 @@ SAVE_EVERY = 100
 log = logging.getLogger(__name__)
 
 
-def train_embedded(model: str, work: Path = WORK, weights: Path = WEIGHTS) -> Path:
-    """Makes the album, teaches the course, writes the weights; each part only as far as it is not there yet."""
+@flow(name="train-embedded", flow_run_name="{model}", persist_result=False)
+def train_embedded(model: str, work: str = str(WORK), weights: str = str(WEIGHTS)) -> str:
+    """Makes the weights of one of the models that ship, conducted by Prefect.
+
+    Args:
+      model: guide or judge.
+      work: folder of pictures and checkpoints; what is there already is not made again.
+      weights: folder that gets <model>.safetensors.
+
+    Returns:
+      The file of the weights.
+    """
+    return str(train(model, Path(work), Path(weights)))
+
+
+def train(model: str, work: Path = WORK, weights: Path = WEIGHTS) -> Path:
+    """Makes the album, teaches the course, writes the weights; each part only as far as it is not there yet. Needs no Prefect server."""
     course = COURSES[model]
-    pages = make_album(course, work / "pages")
-    taught = teach(model, course, pages, work / f"{model}.npz", weights)
+    album = make_album(course, work / "pages")
+    taught = teach(model, course, album, work / f"{model}.npz")
     return write_weights(taught, weights / f"{model}.safetensors")
 
 
@@ -59,7 +74,7 @@ def load_page(seed: int, number: int, folder: Path) -> Page:
         return Page(stored["pictures"], [str(caption) for caption in stored["captions"]])
 
 
-def teach(name: str, course: lessons.Course, album: Page, checkpoint: Path, weights: Path) -> embedded.Model:
+def teach(name: str, course: lessons.Course, album: Page, checkpoint: Path) -> embedded.Model:
     """Takes the course from its newest checkpoint to its end."""
     model, progress = lessons.begin(course)
     progress = restore(checkpoint, progress)
@@ -105,12 +120,10 @@ def write_weights(model: embedded.Model, path: Path) -> Path:
     return write_atomically(path, lambda file: file.write(save(arrays, metadata)))
 
 
-def read_weights(path: Path) -> Encoder:
-    """The encoder that a file holds, its digest over the whole file."""
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    with safetensors.safe_open(path, "numpy") as file:
-        arrays = {name: file.get_tensor(name) for name in list(file.keys())}
-        return embedded.from_arrays(path.stem, arrays, file.metadata(), digest)
+def load(path: Path) -> Encoder:
+    """The encoder that a file holds."""
+    read = read_weights(path)
+    return embedded.from_arrays(path.stem, read.arrays, read.metadata, read.sha256)
 
 
 def write_atomically(path: Path, write) -> Path:
@@ -124,6 +137,7 @@ def write_atomically(path: Path, write) -> Path:
 
 
 def main() -> None:
+    """The command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--model", choices=COURSES, help="teach this model")
     parser.add_argument("--evaluate", metavar="NAME", help="examine the shipped weights of this name")
@@ -135,14 +149,14 @@ def main() -> None:
     if not (arguments.model or arguments.evaluate or arguments.so_far):
         parser.error("say what to do: --model NAME teaches, --evaluate NAME examines")
     if arguments.model:
-        print(train_embedded(arguments.model, arguments.work, arguments.weights))
+        print(train(arguments.model, arguments.work, arguments.weights))
     if name := arguments.so_far:
         model, fresh = lessons.begin(COURSES[name])
         print(
             write_weights(lessons.taught(model, restore(arguments.work / f"{name}.npz", fresh)), arguments.weights / f"{name}.safetensors")
         )
     if arguments.evaluate:
-        print(json.dumps(report.examine(read_weights(arguments.weights / f"{arguments.evaluate}.safetensors")), indent=2))
+        print(json.dumps(report.examine(load(arguments.weights / f"{arguments.evaluate}.safetensors")), indent=2))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Signed distances of simple solids: negative inside, never larger than the true distance (so that sphere tracing is safe).
+"""Signed distances of simple solids: negative inside, and outside no larger than the true distance, or hardly.
 
 A `Distance` maps coordinates x, y, z, each [N], to distances [N]; Z is up. After Quilez, "distance functions" (iquilezles.org).
 """

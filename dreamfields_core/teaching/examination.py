@@ -20,16 +20,22 @@ def on_white(pictures: np.ndarray) -> np.ndarray:
     return x[..., :3] + 1 - x[..., 3:]
 
 
-def embed_captions(encoder: Encoder, descriptions: Sequence[Description]) -> np.ndarray:
+def embed_captions(encoder: Encoder, descriptions: Sequence[Description], *, batch: int = 256) -> np.ndarray:
     """Unit vectors [n, dim] of the plain captions."""
-    return np.asarray(jax.jit(encoder.encode_text)(encoder.params, encoder.tokenize([describe(d) for d in descriptions])))
+    tokens = encoder.tokenize([describe(d) for d in descriptions])
+    return _in_batches(jax.jit(encoder.encode_text), encoder, tokens, batch)
+
+
+def _in_batches(encode, encoder: Encoder, values: np.ndarray, batch: int) -> np.ndarray:
+    """One compiled shape for any number of values [n, ...]."""
+    padded = np.concatenate([values, np.repeat(values[:1], -len(values) % batch, 0)])
+    parts = [np.asarray(encode(encoder.params, padded[i : i + batch])) for i in range(0, len(padded), batch)]
+    return np.concatenate(parts)[: len(values)]
 
 
 def embed_images(encoder: Encoder, images: np.ndarray, *, batch: int = 64) -> np.ndarray:
     """Unit vectors [n, dim]."""
-    encode = jax.jit(encoder.encode_image)
-    padded = np.concatenate([images, np.zeros((-len(images) % batch, *images.shape[1:]), images.dtype)])
-    return np.concatenate([np.asarray(encode(encoder.params, padded[i : i + batch])) for i in range(0, len(padded), batch)])[: len(images)]
+    return _in_batches(jax.jit(encoder.encode_image), encoder, images, batch)
 
 
 def ranks(images: np.ndarray, texts: np.ndarray) -> np.ndarray:
@@ -40,25 +46,11 @@ def ranks(images: np.ndarray, texts: np.ndarray) -> np.ndarray:
 
 def hard_ranks(encoder: Encoder, images: np.ndarray, descriptions: Sequence[Description], *, pool: int = 30) -> np.ndarray:
     """For each picture, how many captions of its hard pool score above its own, [n]."""
-    results = []
-    for image, description in zip(images, descriptions, strict=True):
-        candidates = hard_pool(description, pool)
-        candidates = [description, *candidates, *[description] * (pool - len(candidates))]
-        scores = embed_captions_cached(encoder, candidates) @ image
-        results.append((scores[1:] > scores[0]).sum())
-    return np.array(results)
-
-
-_CACHE: dict[tuple[str, str], np.ndarray] = {}
-
-
-def embed_captions_cached(encoder: Encoder, descriptions: Sequence[Description]) -> np.ndarray:
-    """As `embed_captions`, for captions that come again and again."""
-    missing = list(dict.fromkeys(d for d in descriptions if (encoder.digest, describe(d)) not in _CACHE))
-    if missing:
-        for description, vector in zip(missing, embed_captions(encoder, missing), strict=True):
-            _CACHE[encoder.digest, describe(description)] = vector
-    return np.stack([_CACHE[encoder.digest, describe(d)] for d in descriptions])
+    pools = [[description, *hard_pool(description, pool)] for description in descriptions]
+    row = {d: i for i, d in enumerate(dict.fromkeys(d for candidates in pools for d in candidates))}
+    texts = embed_captions(encoder, list(row))
+    scores = [texts[[row[d] for d in candidates]] @ image for candidates, image in zip(pools, images, strict=True)]
+    return np.array([(own[1:] > own[0]).sum() for own in scores])
 
 
 def attack(encoder: Encoder, images: Array, texts: Array, right: Array, *, radius: float, steps: int = 10) -> Array:

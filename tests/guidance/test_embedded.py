@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dreamfields_core.guidance import embedded
-from flows.train_embedded import WEIGHTS, read_weights
+from flows.train_embedded import WEIGHTS, load
 
 VOCABULARY = ("a", "red", "blue", "mug")
 SIZES = {"image_size": 16, "dim": 16, "fine": 8, "coarse": 16, "fine_blocks": 1, "coarse_blocks": 1, "text_width": 16}
@@ -21,10 +21,10 @@ def fresh(seeing: str) -> embedded.Model:
     return embedded.create(jax.random.key(0), VOCABULARY, seeing=seeing, **SIZES)
 
 
-@pytest.fixture(scope="module", params=["convolution", "attention", *SHIPPED], ids=str)
+@pytest.fixture(scope="module", params=["convolution", "attention", *SHIPPED], ids=lambda value: getattr(value, "stem", value))
 def encoder(request):
     if isinstance(request.param, Path):
-        return read_weights(request.param)
+        return load(request.param)
     return embedded.encoder("fresh", fresh(request.param), "digest")
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +11,7 @@ from dreamfields_core.teaching import album, contrast, lessons, spoiling
 from flows import train_embedded
 
 TINY = {"image_size": 16, "dim": 16, "fine": 8, "coarse": 16, "fine_blocks": 1, "coarse_blocks": 1, "text_width": 16, "text_blocks": 1}
-COURSE = lessons.Course(seed=3, sizes=TINY, batch=16, plain_steps=24, robust_steps=6, replays=3, pages=1)
+COURSE = lessons.Course(seed=3, sizes=TINY, batch=16, plain_steps=24, robust_steps=6, replays=3, pages=1, learning_rate=1e-2, horizon=40)
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +60,10 @@ def test_robust_lessons_replay_their_batch_and_move_its_pictures(taught) -> None
 
 
 def test_a_flow_run_writes_weights_that_load(page, tmp_path, monkeypatch) -> None:
-    short = dataclasses.replace(COURSE, plain_steps=2, robust_steps=0)
-    monkeypatch.setitem(train_embedded.COURSES, "tiny", short)
+    monkeypatch.setitem(train_embedded.COURSES, "tiny", COURSE)
     monkeypatch.setattr(train_embedded, "training_page", lambda seed, number: page)
-    path = train_embedded.train_embedded("tiny", tmp_path / "work", tmp_path / "weights")
-    encoder = train_embedded.read_weights(path)
+    path = train_embedded.train("tiny", tmp_path / "work", tmp_path / "weights")
+    encoder = train_embedded.load(path)
     assert (encoder.name, encoder.image_size, encoder.dim) == ("tiny", 16, 16)
     assert [p.name for p in (tmp_path / "weights").iterdir()] == ["tiny.safetensors"]
 
