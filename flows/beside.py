@@ -17,19 +17,22 @@ class Beside(Generic[Result]):
     def __init__(self, work: Callable[[], Result]) -> None:
         self._results: list[Result] = []
         self._error: BaseException | None = None
-        self._thread = threading.Thread(target=self._run, args=(work,), daemon=True)
-        self._thread.start()
+        # An event, since a join that a signal interrupts takes the thread for ended.
+        self._ended = threading.Event()
+        threading.Thread(target=self._run, args=(work,), daemon=True).start()
 
     def _run(self, work: Callable[[], Result]) -> None:
         try:
             self._results.append(work())
         except BaseException as error:  # raised again where the result is asked for
             self._error = error
+        finally:
+            self._ended.set()
 
     def wait(self) -> None:
         """Until it has ended, one way or the other."""
-        while self._thread.is_alive():
-            self._thread.join(GLANCE)
+        while not self._ended.wait(GLANCE):
+            pass
 
     def result(self) -> Result:
         """Wait for it. Raises: what it raised."""

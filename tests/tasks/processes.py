@@ -108,5 +108,5 @@ def gone(pid: int, *, within: float) -> bool:
 
 def workers_of(pid: int) -> list[int]:
     """Its children that optimise."""
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    children = [child for thread in Path(f"/proc/{pid}/task").iterdir() for child in (thread / "children").read_text().split()]
     return [int(child) for child in children if "optimize_worker" in Path(f"/proc/{child}/cmdline").read_text()]
