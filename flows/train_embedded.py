@@ -13,7 +13,9 @@ import json
 import logging
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import jax
 import numpy as np
@@ -126,7 +128,7 @@ def load(path: Path) -> Encoder:
     return embedded.from_arrays(path.stem, read.arrays, read.metadata, read.sha256)
 
 
-def write_atomically(path: Path, write) -> Path:
+def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> Path:
     """Nothing half-written is ever visible."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}")

@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +32,7 @@ class Model:
     params: Params
 
 
-def create(key: Array, vocabulary: Sequence[str], **sizes) -> Model:
+def create(key: Array, vocabulary: Sequence[str], **sizes: Any) -> Model:
     """A model that knows nothing yet; `sizes` are fields of `Architecture`."""
     architecture = Architecture(**sizes, words=len(vocabulary) + FIRST)
     return Model(architecture, tuple(vocabulary), init(key, architecture))
@@ -86,7 +87,7 @@ def encoder(name: str, model: Model, digest: str) -> Encoder:
     )
 
 
-def to_arrays(model: Model, *, dtype=np.float16) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def to_arrays(model: Model, *, dtype: Any = np.float16) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """(arrays, metadata) as a file of weights holds them."""
     leaves, _ = jax.tree.flatten_with_path(model.params)
     arrays = {jax.tree_util.keystr(path, simple=True, separator="."): np.asarray(leaf, dtype) for path, leaf in leaves}
@@ -110,7 +111,7 @@ def model_from_arrays(name: str, arrays: Mapping[str, np.ndarray], metadata: Map
     architecture = Architecture(**json.loads(metadata["architecture"]))
     shapes = jax.eval_shape(lambda: init(jax.random.key(0), architecture))
 
-    def leaf(path, shape):
+    def leaf(path: tuple[Any, ...], shape: jax.ShapeDtypeStruct) -> Array:
         key = jax.tree_util.keystr(path, simple=True, separator=".")
         if key not in arrays or arrays[key].shape != shape.shape:
             got = arrays[key].shape if key in arrays else "nothing"

@@ -38,7 +38,14 @@ def examination(descriptions: Sequence[Description], *, seed: int, size: int = S
     return np.stack([picture(rng, d, elevations=HELD_OUT_ELEVATIONS, size=size) for d in descriptions])
 
 
-def picture(rng: np.random.Generator, description: Description, *, elevations=(0.0, 60.0), gap=None, size: int = SIZE) -> np.ndarray:
+def picture(
+    rng: np.random.Generator,
+    description: Description,
+    *,
+    elevations: tuple[float, float] = (0.0, 60.0),
+    gap: tuple[float, float] | None = None,
+    size: int = SIZE,
+) -> np.ndarray:
     """One picture with random proportions, camera and light, uint8 RGBA [size, size, 4]."""
     sized = description.thing.size is not None
     return render(stage(rng, description), random_camera(rng, elevations=elevations, gap=gap, sized=sized), random_light(rng), size=size)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 import optax
+from jax.typing import ArrayLike
 
 from dreamfields_core.guidance.blocks import init_linear, linear
 from dreamfields_core.teaching.album import FACTS
@@ -17,7 +18,9 @@ SPREAD = 8.0
 """Length that unit vectors are brought to before they are asked for facts."""
 
 
-def contrast(images: Array, texts: Array, wrong: Array, junk: Array, meaning: Array, wrong_meaning: Array, log_scale: Array) -> Array:
+def contrast(
+    images: Array, texts: Array, wrong: Array, junk: Array, meaning: ArrayLike, wrong_meaning: ArrayLike, log_scale: Array
+) -> Array:
     """Symmetric InfoNCE with hard captions and junk pictures; pairs of the same meaning are no negatives.
 
     Args:
@@ -27,6 +30,7 @@ def contrast(images: Array, texts: Array, wrong: Array, junk: Array, meaning: Ar
     """
     scale = jnp.exp(jnp.minimum(log_scale, jnp.log(100.0)))
     own = jnp.eye(len(images), dtype=bool)
+    meaning, wrong_meaning = jnp.asarray(meaning), jnp.asarray(wrong_meaning)
     same = (meaning[:, None] == meaning[None, :]) & ~own
     same_wrong = meaning[:, None] == wrong_meaning[None, :]
     captions = jnp.where(jnp.concatenate([same, same_wrong], 1), -1e9, scale * images @ jnp.concatenate([texts, wrong]).T)
@@ -42,9 +46,10 @@ def init_questions(key: Array, dim: int) -> Params:
     return init_linear(key, dim, sum(map(len, FACTS.values())), scale=0.3)
 
 
-def ignorance(params: Params, embeddings: Array, facts: Array) -> Array:
+def ignorance(params: Params, embeddings: Array, facts: ArrayLike) -> Array:
     """Cross entropy of the answers, a mean over questions; facts [B, questions], -1 where there is no answer."""
-    logits, start, total = linear(params, SPREAD * embeddings), 0, 0.0
+    facts = jnp.asarray(facts)
+    logits, start, total = linear(params, SPREAD * embeddings), 0, jnp.zeros(())
     for number, options in enumerate(FACTS.values()):
         answer = facts[:, number]
         loss = optax.softmax_cross_entropy_with_integer_labels(logits[:, start : start + len(options)], jnp.maximum(answer, 0))

@@ -17,7 +17,7 @@ def ellipsoid(rx: float, ry: float, rz: float) -> Distance:
     if rx == ry == rz:
         return lambda x, y, z: np.sqrt(x * x + y * y + z * z) - rx
 
-    def distance(x, y, z):
+    def distance(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         x, y, z = x / rx, y / ry, z / rz
         k0 = np.sqrt(x * x + y * y + z * z)
         x, y, z = x / rx, y / ry, z / rz
@@ -30,7 +30,7 @@ def ellipsoid(rx: float, ry: float, rz: float) -> Distance:
 def box(hx: float, hy: float, hz: float, rounding: float = 0.0) -> Distance:
     """Half-sides, rounding included."""
 
-    def distance(x, y, z):
+    def distance(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         x, y, z = np.abs(x) - (hx - rounding), np.abs(y) - (hy - rounding), np.abs(z) - (hz - rounding)
         inside = np.minimum(np.maximum(x, np.maximum(y, z)), 0)
         x, y, z = np.maximum(x, 0), np.maximum(y, 0), np.maximum(z, 0)
@@ -42,7 +42,7 @@ def box(hx: float, hy: float, hz: float, rounding: float = 0.0) -> Distance:
 def cylinder(radius: float, half: float) -> Distance:
     """About Z, from -half to half."""
 
-    def distance(x, y, z):
+    def distance(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         r, z = np.sqrt(x * x + y * y) - radius, np.abs(z) - half
         inside = np.minimum(np.maximum(r, z), 0)
         r, z = np.maximum(r, 0), np.maximum(z, 0)
@@ -62,7 +62,7 @@ def frustum(bottom: float, top: float, half: float) -> Distance:
 def torus(radius: float, thickness: float) -> Distance:
     """Ring of `radius` about Z, a tube of `thickness`."""
 
-    def distance(x, y, z):
+    def distance(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         ring = np.sqrt(x * x + y * y) - radius
         return np.sqrt(ring * ring + z * z) - thickness
 
@@ -75,7 +75,7 @@ def segment(a: Sequence[float], b: Sequence[float], radius: float) -> Distance:
     dx, dy, dz = (q - p for p, q in zip(a, b, strict=True))
     square = dx * dx + dy * dy + dz * dz
 
-    def distance(x, y, z):
+    def distance(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         x, y, z = x - ax, y - ay, z - az
         t = np.clip((x * dx + y * dy + z * dz) / square, 0, 1)
         x, y, z = x - t * dx, y - t * dy, z - t * dz
@@ -91,7 +91,7 @@ def planes(normals: Sequence[Sequence[float]], offsets: Sequence[float]) -> Dist
         length = float(np.linalg.norm(normal))
         table.append((*(float(n) / length for n in normal), offset / length))
 
-    def distance(x, y, z):
+    def distance(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         return np.maximum.reduce([nx * x + ny * y + nz * z - offset for nx, ny, nz, offset in table])
 
     return distance
@@ -105,7 +105,7 @@ def star(outer: float, inner: float, half: float) -> Distance:
     length = np.hypot(nx, nz)
     nx, nz = nx / length, nz / length
 
-    def distance(x, y, z):
+    def distance(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         angle = np.arctan2(x, z)
         angle = np.abs(angle - 2 * sector * np.round(angle / (2 * sector)))
         r = np.sqrt(x * x + z * z)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -26,7 +26,7 @@ def embed_captions(encoder: Encoder, descriptions: Sequence[Description], *, bat
     return _in_batches(jax.jit(encoder.encode_text), encoder, tokens, batch)
 
 
-def _in_batches(encode, encoder: Encoder, values: np.ndarray, batch: int) -> np.ndarray:
+def _in_batches(encode: Callable[..., Array], encoder: Encoder, values: np.ndarray, batch: int) -> np.ndarray:
     """One compiled shape for any number of values [n, ...]."""
     padded = np.concatenate([values, np.repeat(values[:1], -len(values) % batch, 0)])
     parts = [np.asarray(encode(encoder.params, padded[i : i + batch])) for i in range(0, len(padded), batch)]
@@ -60,15 +60,15 @@ def attack(encoder: Encoder, images: Array, texts: Array, right: Array, *, radiu
       images: [n, size, size, 3]. texts: unit vectors [m, dim]. right: [n] index of each picture's caption.
     """
 
-    def loss(x):
+    def loss(x: Array) -> Array:
         logits = 30 * encoder.encode_image(encoder.params, x) @ texts.T
         return -jnp.take_along_axis(jax.nn.log_softmax(logits), right[:, None], 1).sum()
 
     @jax.jit
-    def step(moved):
+    def step(moved: Array) -> Array:
         slope = jax.grad(loss)(jnp.clip(images + moved, 0, 1))
         direction = slope * jax.lax.rsqrt((slope**2).sum((1, 2, 3), keepdims=True) + 1e-20)
-        return toward_ball(moved + (0.25 * radius) * direction, jnp.zeros_like(slope), radius)
+        return toward_ball(moved + (0.25 * radius) * direction, jnp.zeros_like(slope), jnp.float32(radius))
 
     moved = jnp.zeros_like(images)
     for _ in range(steps):

@@ -101,8 +101,9 @@ def _part(rng: np.random.Generator, thing: Thing) -> str:
     return joint + (f"{color} {part}" if plural else _article(f"{color} {part}"))
 
 
-def _name(rng: np.random.Generator, word: str) -> str:
+def _name(rng: np.random.Generator, word: str | None) -> str:
     """The word itself two times in three, else one of its synonyms."""
+    assert word is not None, "asked only of words that the description has"
     synonyms = [alias for alias, canonical in words.SYNONYMS.items() if canonical == word]
     return synonyms[rng.integers(len(synonyms))] if synonyms and rng.random() < 1 / 3 else word
 

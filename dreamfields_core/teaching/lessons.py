@@ -33,10 +33,11 @@ class Course:
     seed: of weights, batches and pictures; two courses with different seeds share no picture.
     sizes: fields of `Architecture`.
     pages: of the album, 1 024 pictures each.
-    plain_steps, robust_steps: batches seen; a robust batch is seen `replays` times, each counting as a step.
-    radius: of the L2 ball in pixel values, ramped in over the first third of the robust steps.
+    plain_steps: batches seen as they are.
+    robust_terms: (steps, rate) of each term of robust lessons; the rate falls to nothing within a term, a cosine.
+        A batch is seen `replays` times, each counting as a step.
+    radius: of the L2 ball in pixel values, ramped in over the first third of the first robust term.
     learning_rate: of the plain lessons, after a warm-up; it would fall to nothing at step `horizon`, a cosine.
-    robust_rate: at the first robust step, from where it falls to nothing at the last.
     """
 
     seed: int
@@ -44,18 +45,17 @@ class Course:
     pages: int = 40
     batch: int = 64
     plain_steps: int = 3000
-    robust_steps: int = 3000
+    robust_terms: tuple[tuple[int, float], ...] = ((3000, 1e-3),)
     replays: int = 3
     radius: float = 1.0
     learning_rate: float = 2e-3
     horizon: int = 6000
-    robust_rate: float = 1e-3
     averaging: float = 0.998
     facts_weight: float = 1.0
 
     @property
     def steps(self) -> int:
-        return self.plain_steps + self.robust_steps
+        return self.plain_steps + sum(steps for steps, _ in self.robust_terms)
 
 
 class Batch(NamedTuple):
@@ -92,8 +92,9 @@ def begin(course: Course) -> tuple[embedded.Model, Progress]:
 def _optimizer(course: Course) -> optax.GradientTransformation:
     warm = min(150, course.horizon // 10 + 1)
     plain = optax.warmup_cosine_decay_schedule(0.0, course.learning_rate, warm, course.horizon, 0.01 * course.learning_rate)
-    robust = optax.cosine_decay_schedule(course.robust_rate, max(course.robust_steps, 1), 0.01)
-    rate = optax.join_schedules([plain, robust], [course.plain_steps])
+    robust = [optax.cosine_decay_schedule(rate, steps, 0.01) for steps, rate in course.robust_terms]
+    starts = np.cumsum([course.plain_steps, *(steps for steps, _ in course.robust_terms)])[:-1]
+    rate = optax.join_schedules([plain, *robust], [int(start) for start in starts])
     return optax.chain(optax.clip_by_global_norm(1.0), optax.adamw(rate, b2=0.99, weight_decay=0.01))
 
 
@@ -140,8 +141,9 @@ def fingerprint(description: Description) -> int:
 def make_step(course: Course, architecture: Architecture) -> Callable[[Progress, Batch], tuple[Progress, dict[str, Array]]]:
     """The compiled step: (progress, batch) -> (progress, what to report)."""
     optimizer = _optimizer(course)
+    ramp = course.robust_terms[0][0] / 3 + 1 if course.robust_terms else 1.0
 
-    def loss(params, images, junk_key, batch: Batch):
+    def loss(params: Params, images: Array, junk_key: Array, batch: Batch) -> tuple[Array, dict[str, Array]]:
         model = params["model"]
         pictures = jnp.concatenate([images, junk(junk_key, images[: course.batch // 8])])
         seen = see(model, pictures, architecture)
@@ -156,14 +158,14 @@ def make_step(course: Course, architecture: Architecture) -> Callable[[Progress,
         return apart + course.facts_weight * unknown, {"contrast": apart, "facts": unknown, "hits": hits}
 
     @jax.jit
-    def step(progress: Progress, batch: Batch):
+    def step(progress: Progress, batch: Batch) -> tuple[Progress, dict[str, Array]]:
         number = progress.step
         into_robust = number - course.plain_steps
         replay = jnp.where(into_robust >= 0, into_robust % course.replays, 0)
         key = jax.random.fold_in(jax.random.key(course.seed, impl="unsafe_rbg"), number - replay)
-        pictures = batch.pictures.astype(jnp.float32) / 255
+        pictures = jnp.asarray(batch.pictures, jnp.float32) / 255
         clean = spoil(key, pictures)
-        radius = course.radius * jnp.clip(into_robust / (course.robust_steps / 3 + 1), 0, 1)
+        radius = course.radius * jnp.clip(into_robust / ramp, 0, 1)
         perturbation = jnp.where(replay > 0, progress.perturbation, 0)
         images = jnp.clip(clean + perturbation, 0, 1)
         gradient = jax.grad(loss, argnums=(0, 1), has_aux=True)

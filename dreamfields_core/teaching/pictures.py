@@ -5,6 +5,7 @@ Images are RGBA uint8 [size, size, 4], row 0 at the top, colour premultiplied by
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from dreamfields_core.teaching.staging import Solid, stage
 
 SIZE = 48
 SUPERSAMPLING = 2
+Axes = Sequence[np.ndarray]
+"""x, y and z of many points or directions, [N] each."""
 BLOCK = 4
 """Side, in supersampled pixels, of the block that one cone traces first."""
 
@@ -36,7 +39,7 @@ class Light(NamedTuple):
 
 
 def random_camera(
-    rng: np.random.Generator, *, elevations=(0.0, 60.0), gap: tuple[float, float] | None = None, sized: bool = False
+    rng: np.random.Generator, *, elevations: tuple[float, float] = (0.0, 60.0), gap: tuple[float, float] | None = None, sized: bool = False
 ) -> Camera:
     """Any azimuth, an elevation of the range in degrees outside `gap`; the focal length varies little where sizes must be told."""
     while True:
@@ -44,8 +47,8 @@ def random_camera(
         if gap is None or not gap[0] < elevation < gap[1]:
             break
     focal = rng.uniform(1.15, 1.3) if sized else rng.uniform(1.05, 1.6)
-    target = tuple(float(v) for v in rng.uniform(-0.12, 0.12, 3))
-    return Camera(rng.uniform(0, 2 * np.pi), np.deg2rad(elevation), rng.uniform(3.6, 4.4), focal, target)
+    x, y, z = rng.uniform(-0.12, 0.12, 3).tolist()
+    return Camera(rng.uniform(0, 2 * np.pi), np.deg2rad(elevation), rng.uniform(3.6, 4.4), focal, (x, y, z))
 
 
 def random_light(rng: np.random.Generator) -> Light:
@@ -74,7 +77,7 @@ def render(solids: list[Solid], camera: Camera, light: Light, *, size: int = SIZ
     """One picture, RGBA uint8 [size, size, 4], premultiplied."""
     wide = size * SUPERSAMPLING
     eye, axes = _pose(camera)
-    near, far = np.linalg.norm(eye) - 2.4, np.linalg.norm(eye) + 2.4
+    near, far = float(np.linalg.norm(eye)) - 2.4, float(np.linalg.norm(eye)) + 2.4
     coarse = _directions(wide // BLOCK, camera.focal, axes)
     cone = 0.75 * BLOCK / (wide * camera.focal)
     start = _march_cones(solids, eye, coarse, cone, near, far)
@@ -110,7 +113,7 @@ def _directions(wide: int, focal: float, axes: np.ndarray) -> list[np.ndarray]:
     return [(u * right + v * down + forward) * norm for right, down, forward in axes.T]
 
 
-def _distance(solids: list[Solid], eye, directions, t) -> np.ndarray:
+def _distance(solids: list[Solid], eye: np.ndarray, directions: Axes, t: np.ndarray) -> np.ndarray:
     x, y, z = (e + t * d for e, d in zip(eye, directions, strict=True))
     distance = solids[0].distance(x, y, z)
     for solid in solids[1:]:
@@ -118,7 +121,9 @@ def _distance(solids: list[Solid], eye, directions, t) -> np.ndarray:
     return distance
 
 
-def _march_cones(solids, eye, directions, cone: float, near: float, far: float, steps: int = 16) -> np.ndarray:
+def _march_cones(
+    solids: list[Solid], eye: np.ndarray, directions: Axes, cone: float, near: float, far: float, steps: int = 16
+) -> np.ndarray:
     """How far each cone of radius `cone` * t surely meets nothing; infinite where it meets nothing at all."""
     t = np.full(len(directions[0]), near, np.float32)
     active = np.arange(len(t))
@@ -132,7 +137,9 @@ def _march_cones(solids, eye, directions, cone: float, near: float, far: float, 
     return np.where(t < far, t, np.inf).astype(np.float32)
 
 
-def _march(solids, eye, directions, t, far: float, precision: float, steps: int = 16) -> np.ndarray:
+def _march(
+    solids: list[Solid], eye: np.ndarray, directions: Axes, t: np.ndarray, far: float, precision: float, steps: int = 16
+) -> np.ndarray:
     """Depth of the first surface along each ray, infinite where there is none; grazing rays count as hits where they end close."""
     t, active = t.copy(), np.arange(len(t))
     near = directions
@@ -148,7 +155,7 @@ def _march(solids, eye, directions, t, far: float, precision: float, steps: int 
     return np.where(t < far, t, np.inf)
 
 
-def _colors(solids: list[Solid], points, eye, light: Light) -> np.ndarray:
+def _colors(solids: list[Solid], points: Axes, eye: np.ndarray, light: Light) -> np.ndarray:
     """Shaded colours [N, 3] of surface points."""
     distances = np.stack([solid.distance(*points) for solid in solids])
     which = distances.argmin(0)
@@ -168,7 +175,7 @@ def _colors(solids: list[Solid], points, eye, light: Light) -> np.ndarray:
     return colors * (1 - light.strength * (1 - np.clip(lambert, 0, 1)))[:, None]
 
 
-def _normals(solids: list[Solid], points, step: float = 0.004) -> list[np.ndarray]:
+def _normals(solids: list[Solid], points: Axes, step: float = 0.004) -> list[np.ndarray]:
     """Gradient of the distance from the four corners of a tetrahedron, of unit length."""
     gradient = [np.zeros_like(points[0]) for _ in range(3)]
     for signs in ((1, -1, -1), (-1, -1, 1), (-1, 1, -1), (1, 1, 1)):
@@ -180,7 +187,7 @@ def _normals(solids: list[Solid], points, step: float = 0.004) -> list[np.ndarra
     return [g * norm for g in gradient]
 
 
-def _pattern(solid: Solid, points, normals) -> np.ndarray:
+def _pattern(solid: Solid, points: Axes, normals: Axes) -> np.ndarray:
     """Where the second colour shows: stripes, squares or dots on the plane that the surface faces most."""
     centre, scale = solid.frame
     x, y, z = ((axis - c) / np.float32(scale) for axis, c in zip(points, centre, strict=True))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -55,9 +56,9 @@ def _draw(rng: np.random.Generator) -> Description:
     return Description(Thing(first, color), _choice(rng, words.RELATIONS), Thing(second, _choice(rng, words.COLORS)))
 
 
-def _choice(rng: np.random.Generator, names) -> str:
-    names = list(names)
-    return names[rng.integers(len(names))]
+def _choice(rng: np.random.Generator, names: Iterable[Any]) -> Any:
+    options = list(names)
+    return options[rng.integers(len(options))]
 
 
 def hard_negative(rng: np.random.Generator, description: Description) -> Description:

@@ -43,7 +43,7 @@ def _test(seed: int, held_out: bool | None) -> tuple[list[Description], np.ndarr
     return pool, on_white(examination(pool, seed=seed))
 
 
-def _retrieve(encoder: Encoder, seed: int, held_out: bool | None):
+def _retrieve(encoder: Encoder, seed: int, held_out: bool | None) -> tuple[np.ndarray, np.ndarray, list[Description]]:
     pool, images = _test(seed, held_out)
     seen = embed_images(encoder, images)
     return ranks(seen, embed_captions(encoder, pool)), hard_ranks(encoder, seen, pool), pool

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dreamfields_core.teaching.distances import at, box, cylinder, ellipsoid, frustum, planes, segment, turned, union, within
+from dreamfields_core.teaching.distances import Distance, at, box, cylinder, ellipsoid, frustum, planes, segment, turned, union, within
 from dreamfields_core.teaching.parts import BODY, Part, Parts, body, kind, part
 
 
@@ -90,7 +90,7 @@ def flower(rng: np.random.Generator) -> Parts:
         angle = 2 * np.pi * i / petals
         bloom.append(turned(at(ellipsoid(long, 0.2 * 6 / petals + 0.02, 0.09), x0=0.4), "z", angle))
 
-    def place(solid):
+    def place(solid: Distance) -> Distance:
         return at(turned(solid, "x", tilt), z0=0.45)
 
     leaf = at(turned(ellipsoid(0.28, 0.11, 0.06), "y", -0.5), 0.24, 0, -0.45)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,14 @@ from dreamfields_core.teaching.solids import BODY, KINDS, PART
 
 SCALES = {None: (0.8, 1.0), "small": (0.38, 0.5), "large": (1.15, 1.3)}
 """Half-size of a thing, in units of the scene's half-side."""
+
+
+Parts = Sequence[tuple[Distance, str]]
+Paints = tuple[np.ndarray, np.ndarray, np.ndarray, str | None]
+Box = tuple[np.ndarray, np.ndarray]
+"""Lower and upper corner, [3] each."""
+Stand = tuple[float, np.ndarray]
+"""Scale and centre [3]."""
 
 
 class Solid(NamedTuple):
@@ -41,10 +50,11 @@ def stage(rng: np.random.Generator, description: Description) -> list[Solid]:
 
 
 def _place(rng: np.random.Generator, thing: Thing, scale: float, centre: np.ndarray) -> list[Solid]:
-    return _solids(*_make(rng, thing), scale, centre)
+    parts, paints = _make(rng, thing)
+    return _solids(parts, paints, scale, centre)
 
 
-def _make(rng: np.random.Generator, thing: Thing):
+def _make(rng: np.random.Generator, thing: Thing) -> tuple[Parts, Paints]:
     """The parts as (distance, paint), and (body, part, second colour, pattern)."""
     parts = KINDS[thing.kind](rng)
     color = thing.color or list(words.COLORS)[rng.integers(len(words.COLORS))]
@@ -60,7 +70,7 @@ def _tint(rng: np.random.Generator, color: str) -> np.ndarray:
     return np.clip(np.asarray(words.COLORS[color]) + rng.normal(0, 0.025, 3), 0, 1).astype(np.float32)
 
 
-def _solids(parts, paints, scale: float, centre: np.ndarray) -> list[Solid]:
+def _solids(parts: Parts, paints: Paints, scale: float, centre: np.ndarray) -> list[Solid]:
     body, part, second, pattern = paints
     frame = (np.asarray(centre, np.float32), float(scale))
     placed = []
@@ -83,7 +93,7 @@ def _bounds(distances: list[Distance]) -> tuple[np.ndarray, np.ndarray]:
     return points.min(0), points.max(0)
 
 
-def _on_top(rng: np.random.Generator, boxes):
+def _on_top(rng: np.random.Generator, boxes: Sequence[Box]) -> tuple[Stand, Stand]:
     """(scale, centre) of the upper and of the lower thing: it stands where the other ends, a little sunk in."""
     (upper_low, upper_high), (lower_low, lower_high) = boxes
     upper, lower = rng.uniform(0.48, 0.56), rng.uniform(0.58, 0.66)
@@ -95,7 +105,7 @@ def _on_top(rng: np.random.Generator, boxes):
     return (upper, upper_centre + shift), (lower, lower_centre)
 
 
-def _side_by_side(rng: np.random.Generator, boxes):
+def _side_by_side(rng: np.random.Generator, boxes: Sequence[Box]) -> tuple[Stand, Stand]:
     """(scale, centre) of both: on one floor, along a random direction, with a small gap."""
     scales = rng.uniform(0.52, 0.6, 2)
     angle = rng.uniform(0, 2 * np.pi)
@@ -105,6 +115,8 @@ def _side_by_side(rng: np.random.Generator, boxes):
     half = 0.95 * sum(reach) + gap / 2
     floor = -max(scale * (high - low)[2] for scale, (low, high) in zip(scales, boxes, strict=True)) / 2
     places = (-half + reach[0], half - reach[1])
-    return tuple(
-        (scale, np.array([*(along * place), floor - scale * low[2]])) for scale, place, (low, _) in zip(scales, places, boxes, strict=True)
+    first, second = (
+        (float(scale), np.array([*(along * place), floor - scale * low[2]]))
+        for scale, place, (low, _) in zip(scales, places, boxes, strict=True)
     )
+    return first, second

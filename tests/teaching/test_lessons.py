@@ -11,7 +11,9 @@ from dreamfields_core.teaching import album, contrast, lessons, spoiling
 from flows import train_embedded
 
 TINY = {"image_size": 16, "dim": 16, "fine": 8, "coarse": 16, "fine_blocks": 1, "coarse_blocks": 1, "text_width": 16, "text_blocks": 1}
-COURSE = lessons.Course(seed=3, sizes=TINY, batch=16, plain_steps=24, robust_steps=6, replays=3, pages=1, learning_rate=1e-2, horizon=40)
+COURSE = lessons.Course(
+    seed=3, sizes=TINY, batch=16, plain_steps=24, robust_terms=((6, 1e-3),), replays=3, pages=1, learning_rate=1e-2, horizon=40
+)
 
 
 @pytest.fixture(scope="module")
