@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -33,16 +34,21 @@ def caption_embedding(encoder: Encoder, caption: str, *, templates: Sequence[str
     Raises:
       ValueError: no templates, or one without {}.
     """
-    if not templates or not all("{}" in template for template in templates):
-        raise ValueError(f'expected templates that say with {{}} where the caption goes, got {list(templates)}: write "a photo of {{}}"')
-    tokens = jnp.asarray(encoder.tokenize([template.replace("{}", caption) for template in templates]))
-    mean = jnp.mean(encoder.encode_text(encoder.params, tokens), axis=0)
-    return mean / jnp.linalg.norm(mean)
+    return _means(encoder, [caption], templates)[0]
 
 
 def view_embeddings(encoder: Encoder, caption: str, *, templates: Sequence[str] = PLAIN) -> Array:
-    """One unit vector for each of VIEWS: [4, dim]."""
-    return jnp.stack([caption_embedding(encoder, each, templates=templates) for each in view_captions(caption)])
+    """One unit vector for each of VIEWS: [4, dim]. Raises: as `caption_embedding`."""
+    return _means(encoder, view_captions(caption), templates)
+
+
+def _means(encoder: Encoder, captions: Sequence[str], templates: Sequence[str]) -> Array:
+    if not templates or not all("{}" in template for template in templates):
+        raise ValueError(f'expected templates that say with {{}} where the caption goes, got {list(templates)}: write "a photo of {{}}"')
+    wordings = [template.replace("{}", caption) for caption in captions for template in templates]
+    vectors = jax.jit(encoder.encode_text)(encoder.params, jnp.asarray(encoder.tokenize(wordings)))
+    means = jnp.mean(vectors.reshape(len(captions), len(templates), -1), axis=1)
+    return means / jnp.linalg.norm(means, axis=1, keepdims=True)
 
 
 def view_index(azimuth: Array, elevation: Array, *, front: float = 0.0) -> Array:

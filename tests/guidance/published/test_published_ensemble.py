@@ -61,7 +61,7 @@ def test_each_camera_gets_its_caption(two: tuple[Encoder, Encoder]) -> None:
 
 def test_wordings_are_averaged(two: tuple[Encoder, Encoder]) -> None:
     model = two[0]
-    single = model.encode_text(model.params, jnp.asarray(model.tokenize(["a red cube"])))[0]
+    single = jax.jit(model.encode_text)(model.params, jnp.asarray(model.tokenize(["a red cube"])))[0]
     np.testing.assert_allclose(caption_embedding(model, "a red cube"), single, atol=1e-6)
     mean = caption_embedding(model, "a red cube", templates=("{}", "a photo of {}"))
     assert float(jnp.linalg.norm(mean)) == pytest.approx(1, abs=1e-5) and float(mean @ single) < 1 - 1e-6
@@ -78,7 +78,7 @@ def dream(path: Path, steps: int, **render: int) -> list[dict[str, float]]:
     model = load_published(str(path))
     text = jax.jit(model.encode_text)(model.params, jnp.asarray(model.tokenize(["a red cube"])))[0]
     settings = tuple(f"render.{name}={value}" for name, value in render.items())
-    program = DreamProgram(override(next(iter(PRESETS.values())), settings), model)
+    program = DreamProgram(override(next(iter(PRESETS.values())), (*settings, "augment.copies=2")), model)
     state, rows = program.start(), []
     for _ in range(steps):
         state, metrics = program.step(state, text)

@@ -118,13 +118,15 @@ def compare(model: Encoder, reference: Reference, count: int = 3) -> dict[str, f
     image, text = (unit(part) for part in reference(normalised(model, given), torch.tensor(tokens)))
     (image * text.detach()).sum().backward()
 
-    def agreement(params: Any, images: Any) -> Any:
-        return jnp.sum(model.encode_image(params, images) * text.detach().numpy())
+    def agreement(params: Any, images: Any, tokens: Any) -> Any:
+        seen, said = model.encode_image(params, images), model.encode_text(params, tokens)
+        return jnp.sum(seen * text.detach().numpy()), (seen, said)
 
-    gradient = jax.jit(jax.grad(agreement, argnums=1))(model.params, images)
+    run = jax.jit(jax.grad(agreement, argnums=1, has_aux=True))
+    gradient, (seen, said) = run(model.params, images, tokens)
     return {
-        "image": relative(jax.jit(model.encode_image)(model.params, images), image.detach()),
-        "text": relative(jax.jit(model.encode_text)(model.params, tokens), text.detach()),
+        "image": relative(seen, image.detach()),
+        "text": relative(said, text.detach()),
         "gradient": relative(gradient, given.grad),
     }
 
