@@ -37,7 +37,6 @@ class Course:
     robust_terms: (steps, rate) of each term of robust lessons; the rate falls to nothing within a term, a cosine.
         A batch is seen `replays` times, each counting as a step.
     radius: of the L2 ball in pixel values, ramped in over the first third of the first robust term.
-    last_step: where the course ends, if that is before its last term does.
     learning_rate: of the plain lessons, after a warm-up; it would fall to nothing at step `horizon`, a cosine.
     """
 
@@ -51,14 +50,12 @@ class Course:
     radius: float = 1.0
     learning_rate: float = 2e-3
     horizon: int = 6000
-    last_step: int | None = None
     averaging: float = 0.998
     facts_weight: float = 1.0
 
     @property
     def steps(self) -> int:
-        planned = self.plain_steps + sum(steps for steps, _ in self.robust_terms)
-        return planned if self.last_step is None else min(planned, self.last_step)
+        return self.plain_steps + sum(steps for steps, _ in self.robust_terms)
 
 
 class Batch(NamedTuple):
