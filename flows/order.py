@@ -64,6 +64,8 @@ def take_order(
     folder = out / f"{_slug(caption)}-{json_digest([captions.normalize(caption), config.model_dump(mode='json')])[:8]}"
     _check_folder(folder)
     address = store or os.environ.get(STORE_VARIABLE) or str(out / "store")
+    if address.startswith("memory:"):
+        raise OrderError("expected a store that several processes can see, got memory://: give a folder or s3://bucket/prefix")
     try:
         open_store(address).check_writable()
     except StorageError as error:

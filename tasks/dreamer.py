@@ -7,6 +7,7 @@ roll-back returns. Metrics are read some steps late, so that the device never wa
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
@@ -45,7 +46,7 @@ class Dreamer:
         self.history: list[dict[str, float]] = []
         self.unread: deque[Metrics] = deque()
         self.template: DreamState = jax.eval_shape(program.start)
-        self.saved = 0
+        self.saved, self._before, self._begun = 0, 0.0, time.monotonic()
         if not self._resume():
             self.state = program.start()
             self.anchor = self.arrays()
@@ -59,6 +60,11 @@ class Dreamer:
     @property
     def finished(self) -> bool:
         return self.step >= self.config.optim.steps
+
+    @property
+    def seconds(self) -> float:
+        """Spent so far, by the processes before this one too."""
+        return round(self._before + time.monotonic() - self._begun, 3)
 
     def advance(self) -> None:
         """Take one step, and save if one is due.
@@ -111,7 +117,7 @@ class Dreamer:
         arrays |= {f"history/{name}": self._column(name) for name in (self.history[0] if self.history else {})}
         if self._anchored != self.step:
             arrays |= {f"anchor/{name}": value for name, value in self.anchor.items()}
-        self.saver.save(self.step, arrays, {"step": self.step})
+        self.saver.save(self.step, arrays, {"step": self.step, "seconds": self.seconds})
         self.saved = self.step
 
     def _settle(self) -> None:
@@ -132,7 +138,7 @@ class Dreamer:
         self.anchor = groups["anchor"] or groups["state"] | {"anchored": np.asarray(checkpoint.step)}
         names, columns = list(groups["history"]), [column.tolist() for column in groups["history"].values()]
         self.history = [dict(zip(names, row)) for row in zip(*columns)]
-        self.saved = checkpoint.step
+        self.saved, self._before = checkpoint.step, float(checkpoint.metadata["seconds"])
         self.tell("resumed", step=checkpoint.step)
         return True
 

@@ -53,7 +53,7 @@ def _job(work: Work) -> Event:
 
 def _made(last: Event) -> Made:
     if last["event"] == "done":
-        return Made(tuple(ArtifactRef.from_json(ref) for ref in last["outputs"]), last["values"])
+        return Made(tuple(ArtifactRef.from_json(ref) for ref in last["outputs"]), last["values"], last["seconds"])
     if last["event"] == "failed":
         raise OptimizeError(last["text"])
     if last["event"] == "stopped":

@@ -154,7 +154,7 @@ def _results(dreamer: Any, store: Any) -> Event:
     ]
     last = {name: value if math.isfinite(value) else None for name, value in dreamer.history[-1].items()}
     values = {"steps": dreamer.step, "rate_scale": float(arrays["rate_scale"]), "last": last}
-    return {"outputs": [ref.to_json() for ref in outputs], "values": values}
+    return {"outputs": [ref.to_json() for ref in outputs], "values": values, "seconds": dreamer.seconds}
 
 
 if __name__ == "__main__":

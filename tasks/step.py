@@ -65,10 +65,11 @@ class Place:
 
 @dataclass(frozen=True)
 class Made:
-    """What a step has made: files in the store, and small results that need none."""
+    """What a step has made: files in the store, and small results that need none. seconds: where it was resumed, in all."""
 
     outputs: tuple[ArtifactRef, ...] = ()
     values: dict[str, Any] = field(default_factory=dict)
+    seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,7 @@ def perform(step: Step, place: Place, config: DreamConfig, inputs: Mapping[str, 
             config=parts(config, step.reads),
             inputs=_digests(inputs),
             code_version=code_version(),
-            seconds=round(time.monotonic() - begun, 3),
+            seconds=round(time.monotonic() - begun, 3) if made.seconds is None else made.seconds,
             outputs=made.outputs,
             values=made.values,
         )

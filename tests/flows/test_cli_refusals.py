@@ -34,6 +34,7 @@ REFUSALS = [
     (["dream", CAPTION, "--judge", "klip"], "an image-text model among embedded, embedded-judge"),
     (["dream", CAPTION, "--guidance", "embedded-judge"], "state --judge embedded-judge to have it so"),
     (["dream", CAPTION, "--store", "ftp://somewhere"], "s3://bucket/prefix"),
+    (["dream", CAPTION, "--store", "memory://"], "several processes"),
     (["dream", CAPTION, "--store", "/dev/null/store"], "/dev/null"),
     (["dream", CAPTION, "--out", "/dev/null/out"], "choose another with --out"),
     (["dream"], "missing argument 'caption': see `dreamfields dream --help`"),

@@ -8,6 +8,7 @@ import resource
 import signal
 import sys
 import time
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -83,16 +84,16 @@ def test_another_store_holds_the_same(dreams: Dreams, dreamt: Path) -> None:
 @linux
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_saves_the_step_it_stops_at(dreams: Dreams, number: signal.Signals, code: int) -> None:
-    process = dreams.start("--set", "optim.steps=5000", "--set", "optim.checkpoint_every=5000")
-    process.until("optimize 500/5000")
+    process = dreams.start("--set", "optim.steps=1000", "--set", "optim.checkpoint_every=1000")
+    process.until("optimize 100/1000")
     workers = workers_of(process.process.pid)
     process.process.send_signal(number)
     assert process.end() == code, process.text()
-    stopped = re.search(r"Stopped at step (\d+) of 5000, which is saved.*:\n  dreamfields dream 'a red mushroom' ", process.text())
+    stopped = re.search(r"Stopped at step (\d+) of 1000, which is saved.*:\n  dreamfields dream 'a red mushroom' ", process.text())
     assert stopped, process.text()
     store = open_store(dreams.out / "store")
     checkpoint = latest_checkpoint(store, store.list("runs")[0].split("/")[1])
-    assert checkpoint is not None and checkpoint.step == int(stopped[1]) >= 500
+    assert checkpoint is not None and checkpoint.step == int(stopped[1]) >= 100
     assert len(workers) == 1 and gone(workers[0], within=5)
     assert list(dreams.out.glob("a-red-mushroom-*/preview.png"))
 
@@ -119,3 +120,23 @@ def test_a_full_disk_is_one_sentence(dreams: Dreams, monkeypatch: pytest.MonkeyP
     assert process.end() == 1, process.text()
     assert "Traceback" not in process.text()
     assert re.match(r"dreamfields: .*(full|room|space|large)", process.lines[-1]), process.text()
+
+
+@pytest.mark.slow
+def test_an_object_store_holds_the_same_and_resumes(dreams: Dreams, dreamt: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from moto.server import ThreadedMotoServer
+
+    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    address = "http://{}:{}".format(*server.get_host_and_port())
+    for name, value in {"ENDPOINT_URL": address, "REGION": "us-east-1", "ACCESS_KEY_ID": "test", "SECRET_ACCESS_KEY": "test"}.items():
+        monkeypatch.setenv(f"AWS_{name}", value)
+    monkeypatch.setenv("AWS_ALLOW_HTTP", "true")
+    urllib.request.urlopen(urllib.request.Request(f"{address}/bucket", method="PUT")).close()
+    process = dreams.start("--store", "s3://bucket/dreams")
+    process.until("optimize 6/12")
+    process.kill()
+    text, result, _ = dreams.dream("--store", "s3://bucket/dreams")
+    before = json.loads(next(dreamt.glob("*/result.json")).read_text())
+    assert result["artifacts"] == before["artifacts"] and result["scores"] == before["scores"], text
+    server.stop()

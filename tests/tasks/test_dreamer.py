@@ -134,6 +134,7 @@ def test_a_run_that_cannot_be_saved_fails_with_its_numbers(store: Store) -> None
 
 def test_a_full_disk_leaves_earlier_checkpoints(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     run = Run(store).go(11)
+    run.dreamer.saver.wait()
 
     def full(key: str, data: bytes) -> None:
         raise StorageFull("Expected room for 9 bytes, got a full disk: free some space.")
