@@ -16,12 +16,13 @@ DECIMATION := meshing_decimation_quadric_edge_collapse
 MESH_CHECK ?= $(PY) -c "import sys, pymeshlab; sys.exit('$(DECIMATION)' not in pymeshlab.filter_list())"
 SOURCES := flows tasks storage dreamfields_core tests $(wildcard benchmarks)
 
-.PHONY: help setup demo test test-slow lint format clean
+.PHONY: help setup demo test test-slow test-parity lint format clean
 
 help:
 	@echo 'make demo       dream one caption (CAPTION="a red mushroom") and say where the object is'
 	@echo 'make test       style, types and the default tests'
 	@echo 'make test-slow  the tests that take minutes'
+	@echo 'make test-parity  published models against PyTorch, which it installs'
 	@echo 'make setup      only install;  make lint: only style and types;  make format;  make clean'
 
 setup: $(VENV)/.libraries
@@ -70,6 +71,11 @@ test: lint
 # Exit code 5 says that no test is marked slow: nothing to run is nothing failed.
 test-slow: setup
 	@$(PYTEST) -m slow --timeout 1800 || { code=$$?; [ $$code -eq 5 ] || exit $$code; }
+
+# Published models against the implementation that is trusted; PyTorch is large, so it is asked for apart.
+test-parity: setup
+	@$(PY) -m pip install --quiet --disable-pip-version-check -e '.[test,parity]' -c constraints.txt
+	@$(PYTEST) tests/guidance/published -m 'slow or not slow' --timeout 1800
 
 lint: setup
 	@$(PY) -m ruff check $(SOURCES)
