@@ -102,8 +102,8 @@ class HybridConfig(Part):
     width: Count = 32
     depth: Annotated[int, Field(ge=0)] = 1
     blob: Finite = 0.0
-    empty: Finite = -6.0
-    blob_radius: Positive = 0.4
+    empty: Finite = -9.0
+    blob_radius: Positive = 0.5
     spread: NonNegative = 0.05
     density_scale: Positive = 20.0
     smoothness: NonNegative = 0.02
