@@ -83,7 +83,7 @@ def init_transformer(key: Array, width: int, *, widening: int = 4) -> Params:
 def transformer(params: Params, x: Array, *, heads: int, mask: Array | None = None) -> Array:
     """[batch, length, width] -> the same; `mask` [batch, length] is False where a token is padding."""
     batch, length, width = x.shape
-    q, k, v = jnp.split(linear(params["qkv"], norm(params["norm1"], x)).reshape(batch, length, heads, -1), 3, axis=-1)
+    q, k, v = jnp.split(linear(params["qkv"], norm(params["norm1"], x)).reshape(batch, length, heads, 3 * width // heads), 3, axis=-1)
     logits = jnp.einsum("bqhd,bkhd->bhqk", q, k) * (width // heads) ** -0.5
     if mask is not None:
         logits = jnp.where(mask[:, None, None, :], logits, -1e9)

@@ -79,23 +79,28 @@ def see(params: Params, images: Array, a: Architecture) -> Array:
     return blocks.unit(blocks.linear(params["out"], hidden))
 
 
+def _in_a_row(x: Array) -> Array:
+    """[batch, height, width, c] -> [batch, height * width, c]; a batch may be empty."""
+    return x.reshape(x.shape[0], x.shape[1] * x.shape[2], x.shape[3])
+
+
 def _convolve(params: Params, x: Array) -> Array:
     """Residual blocks, then the mean and a soft maximum over places: [batch, 2 * coarse]."""
     for block in params["coarse"]:
         x = blocks.residual(block, x)
-    x = jax.nn.silu(x).reshape(x.shape[0], -1, x.shape[-1])
+    x = jax.nn.silu(_in_a_row(x))
     return jnp.concatenate([x.mean(1), jax.nn.logsumexp(x, 1) - jnp.log(x.shape[1] * 1.0)], -1)
 
 
 def _attend(params: Params, x: Array, a: Architecture) -> Array:
     """Transformer blocks, then the mean and what learned queries look at, a share of the channels each: [batch, 2 * coarse]."""
-    x = x.reshape(x.shape[0], -1, a.coarse) + params["place"][None]
+    x = _in_a_row(x) + params["place"][None]
     for block in params["coarse"]:
         x = blocks.transformer(block, x, heads=a.heads)
     x = blocks.norm(params["norm"], x)
     attention = jax.nn.softmax(blocks.linear(params["query"], x), 1)
-    values = x.reshape(*x.shape[:2], a.heads, -1)
-    looked = jnp.einsum("blh,blhd->bhd", attention, values).reshape(x.shape[0], -1)
+    values = x.reshape(*x.shape[:2], a.heads, a.coarse // a.heads)
+    looked = jnp.einsum("blh,blhd->bhd", attention, values).reshape(x.shape[0], a.coarse)
     return jnp.concatenate([x.mean(1), looked], -1)
 
 

@@ -47,7 +47,7 @@ def test_no_kind_overstates_a_distance(kind: str) -> None:
     step *= 1e-3 / np.linalg.norm(step, axis=0)
     for part in KINDS[kind](np.random.default_rng(2)):
         slope = np.abs(part.distance(*(points + step)) - part.distance(*points)) / 1e-3
-        assert np.quantile(slope, 0.99) < 1.5
+        assert np.quantile(slope, 0.99) < 1.8
 
 
 @pytest.mark.parametrize("kind", words.KINDS)
