@@ -36,7 +36,7 @@ os.environ.update(
     MPLCONFIGDIR=str(CACHE / "matplotlib"),
     # Compiled programs are kept between runs of the suite: most of its time would be compilation.
     JAX_COMPILATION_CACHE_DIR=str(CACHE / "jax"),
-    JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS="0.2",
+    JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS="0",
     JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES="-1",
     # An array of shape [3] never meets one of shape [4, 3] by accident: where ranks differ, the code says how they meet.
     JAX_NUMPY_RANK_PROMOTION="raise",

@@ -41,12 +41,15 @@ class DreamProgram:
         self.field = build_field(config.field, bound=config.scene.bound)
         self._encoder = encoder
         self._adam = optax.scale_by_adam(eps=config.optim.epsilon)
+        # The key is an argument of the compiled step: another seed is the same program.
+        self._key = jax.random.key(config.seed)
+        self._start = jax.jit(self.field.init)
         self._step = jax.jit(self._advance, donate_argnums=0)
         self._preview = jax.jit(partial(self._render_preview))
 
     def start(self) -> DreamState:
         """The state before the first step; decided by the configuration's seed alone."""
-        params = jax.jit(self.field.init)(jax.random.fold_in(jax.random.key(self.config.seed), 2**31))
+        params = self._start(jax.random.fold_in(self._key, 2**31))
         return DreamState(
             step=jnp.zeros((), jnp.int32),
             params=params,
@@ -59,7 +62,7 @@ class DreamProgram:
 
     def step(self, state: DreamState, text_embedding: Array) -> tuple[DreamState, Metrics]:
         """Take one step; `state` is consumed. A step whose loss or gradient is not finite changes nothing but `bad`."""
-        return self._step(state, self._encoder.params, text_embedding)
+        return self._step(state, self._key, self._encoder.params, text_embedding)
 
     def preview(self, state: DreamState, *, azimuth: float = 30.0) -> np.ndarray:
         """A picture of the training size on white, uint8 [H, W, 3]."""
@@ -69,9 +72,9 @@ class DreamProgram:
         picture = on_white(jax.device_get(self._preview(state, pose)))
         return np.round(255 * picture[0]).astype(np.uint8)
 
-    def _advance(self, state: DreamState, encoder_params: Params, text_embedding: Array) -> tuple[DreamState, Metrics]:
+    def _advance(self, state: DreamState, seed_key: Array, encoder_params: Params, text_embedding: Array) -> tuple[DreamState, Metrics]:
         optim, scene = self.config.optim, self.config.scene
-        key = jax.random.fold_in(jax.random.key(self.config.seed), state.step)
+        key = jax.random.fold_in(seed_key, state.step)
         pose_key, render_key, augment_key, occupancy_key = jax.random.split(key, 4)
         occupancy = self._occupancy(occupancy_key, state)
         pose = sample_poses(pose_key, self.config.camera)

@@ -37,7 +37,7 @@ def retrieve(encoder: Encoder, images: np.ndarray, caption: str, pool: Sequence[
       pool: captions, the true one among them or not (it is added); each counted once.
     """
     others = [other for other in dict.fromkeys(pool) if other != caption]
-    texts = encoder.encode_text(encoder.params, jnp.asarray(encoder.tokenize([caption, *others])))
+    texts = jax.jit(encoder.encode_text)(encoder.params, jnp.asarray(encoder.tokenize([caption, *others])))
     pictures = jax.jit(encoder.encode_image)(encoder.params, jnp.asarray(images, jnp.float32))
     cosines = np.asarray(pictures @ texts.T, np.float64)
     ranks = ranks_of_first(cosines)
