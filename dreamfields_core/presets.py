@@ -37,7 +37,7 @@ DRAFT = DreamConfig(
     augment=AugmentConfig(copies=2, blur=3.0),
     loss=LossConfig(anneal_steps=150, opacity_end=0.14),
     optim=OptimConfig(steps=300, rate_start=3e-2, rate=3e-2, warmup_steps=0, rate_end=3e-3, checkpoint_every=50),
-    evaluate=EvaluateConfig(samples=96, turntable_frames=24),
+    evaluate=EvaluateConfig(samples=128, turntable_frames=24),
     mesh=MeshConfig(resolution=128),
 )
 

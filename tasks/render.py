@@ -6,8 +6,8 @@ import io
 
 import numpy as np
 
-from dreamfields_core.rendering.images import on_white
-from dreamfields_core.rendering.pictures import contact_sheet, picture, png, webp_animation
+from dreamfields_core.rendering.images import on_shade, on_white
+from dreamfields_core.rendering.pictures import BACKDROP, contact_sheet, picture, png, webp_animation
 from dreamfields_core.scene.cameras import Pose, poses_at
 from dreamfields_core.types import Rendering
 from tasks.film import mp4
@@ -25,7 +25,7 @@ def render(work: Work) -> Made:
 
     judged, shown = closely(around(look.azimuths), work.number("size")), quickly(around(look.azimuths), look.picture_size)
     turn = tuple(360.0 * frame / look.turntable_frames for frame in range(look.turntable_frames))
-    frames = list(picture(on_white(quickly(around(turn), look.picture_size))))
+    frames = list(picture(on_shade(quickly(around(turn), look.picture_size), BACKDROP)))
     return Made(
         (
             work.keep("views.npz", _views(judged, np.asarray(dream.origin)), "application/x-npz"),

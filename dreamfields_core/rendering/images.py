@@ -57,7 +57,12 @@ def render_views(
 
 def on_white(rendering: Rendering) -> np.ndarray:
     """Pictures [..., 3] in [0, 1] as the judge sees them (paper section 5.1)."""
-    return np.clip(rendering.color + rendering.transmittance[..., None], 0.0, 1.0)
+    return on_shade(rendering, 1.0)
+
+
+def on_shade(rendering: Rendering, shade: float) -> np.ndarray:
+    """Pictures [..., 3] in [0, 1] on an even gray; for people, who would not see a white stem on white."""
+    return np.clip(rendering.color + shade * rendering.transmittance[..., None], 0.0, 1.0)
 
 
 def _blocks(rays: Rays) -> Iterator[Rays]:

@@ -11,11 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from dreamfields_core.rendering.images import on_white
+from dreamfields_core.rendering.images import on_shade
 from dreamfields_core.types import Rendering
 
 INK = (24, 24, 27)
 PAPER = (255, 255, 255)
+
+BACKDROP = 0.8
+"""Gray behind what people are shown; white things would vanish on white."""
 
 
 def picture(image: np.ndarray) -> np.ndarray:
@@ -39,7 +42,7 @@ def transmittance_shades(views: Rendering) -> np.ndarray:
 
 def contact_sheet(views: Rendering, caption: str) -> np.ndarray:
     """One column a view; rows of colour, depth and transmittance; the caption above."""
-    rows = [picture(image) for image in (on_white(views), depth_shades(views), transmittance_shades(views))]
+    rows = [picture(image) for image in (on_shade(views, BACKDROP), depth_shades(views), transmittance_shades(views))]
     grid = np.concatenate([np.concatenate(list(row), axis=1) for row in rows], axis=0)
     title = _title(caption, width=grid.shape[1])
     return np.concatenate([title, grid], axis=0)
