@@ -172,7 +172,7 @@ def test_the_papers_network_has_its_315_396_numbers() -> None:
 
 
 def test_a_new_hybrid_is_a_ball_in_emptiness() -> None:
-    config = HybridConfig(resolutions=(2,), spread=0.0, features=2, width=2)
+    config = HybridConfig(resolutions=(2,), spread=0.0, features=2, width=2, blob_radius=0.4)
     field = build_field(config, bound=BOUND)
     prepared = jax.jit(lambda key: field.prepare(field.init(key)))(jax.random.key(0))
     raw, colors = field.apply(prepared, points_as_gaussians(jnp.asarray([[0.0, 0.0, 0.0], [BOUND, BOUND, BOUND]])))
