@@ -34,7 +34,7 @@ OPTIMIZE = Step(
 
 RENDER = Step(
     "render",
-    1,
+    2,
     (
         "evaluate.azimuths",
         "evaluate.elevation",
