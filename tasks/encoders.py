@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
-from pathlib import Path
+from os.path import isdir
 from typing import TYPE_CHECKING, Any
 
 from dreamfields_core.guidance import registry, shares
@@ -134,7 +134,7 @@ def _unknown_words(name: str, caption: str) -> tuple[str, ...]:
 
 def _members(name: str) -> list[tuple[str, float]]:
     """Models and weights; a model by itself is one of weight 1, and a folder's name may hold any sign."""
-    if not (shares.SIGN in name or shares.SHARE in name) or Path(name).is_dir():
+    if not (shares.SIGN in name or shares.SHARE in name) or isdir(name):
         return [(name, 1.0)]
     with _one_sentence(ValueError):
         return shares.split_name(name)
@@ -159,6 +159,6 @@ def _weights(name: str) -> Weights:
         near = get_close_matches(name, registry.NAMES, n=3, cutoff=0.4) or ["clip-vit-b16", "siglip2-base-patch32-256"]
         raise EncoderError(
             f"expected an image-text model among {', '.join(SHIPPED)}, published ones such as {', '.join(near)} "
-            f'(`dreamfields models` lists all {len(registry.NAMES)}), a folder, or owner/name on the hub, got "{name}"'
+            f'(`dreamfields models` lists all {len(registry.NAMES)}), a folder, or owner/name on the hub, got "{name[:60]}"'
         )
     return read_weights(shipped(SHIPPED[name]))
