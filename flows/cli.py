@@ -11,7 +11,7 @@ import typer
 from dreamfields_core.captions import CaptionError
 from dreamfields_core.config import ConfigError
 from flows.order import OrderError, settle, take_order
-from tasks.encoders import EncoderError
+from tasks.encoders import EncoderError, describe_encoders
 from tasks.version import PACKAGES
 
 app = typer.Typer(
@@ -29,6 +29,7 @@ UsageError = typer.BadParameter.__mro__[1]
 REFUSED = (CaptionError, ConfigError, EncoderError, OrderError)
 
 Settings = Annotated[list[str] | None, typer.Option("--set", metavar="PART.KEY=VALUE", help="Change a setting; may be repeated.")]
+MODEL = "a name that `dreamfields models` lists, a folder, owner/name on the hub, or several as A+B*0.5"
 Preset = Annotated[str, typer.Option(help="draft, low, medium or high.")]
 
 
@@ -37,8 +38,8 @@ def dream(
     caption: Annotated[str, typer.Argument(help='What to dream, for instance "a red mushroom".')],
     preset: Preset = "draft",
     seed: Annotated[int | None, typer.Option(help="The same seed gives the same object.")] = None,
-    guidance: Annotated[str | None, typer.Option(help="The image-text model to optimise with.")] = None,
-    judge: Annotated[str | None, typer.Option(help="The image-text model that scores the result.")] = None,
+    guidance: Annotated[str | None, typer.Option(help=f"The image-text model to optimise with: {MODEL}.")] = None,
+    judge: Annotated[str | None, typer.Option(help="The image-text model that scores the result, named likewise.")] = None,
     out: Annotated[Path, typer.Option(help="Folder in which every dream gets one of its own.")] = Path("dreams"),
     store: Annotated[str | None, typer.Option(help="Folder or s3://bucket/prefix; $DREAMFIELDS_STORE, else OUT/store.")] = None,
     settings: Settings = None,
@@ -56,6 +57,15 @@ def settings(preset: Preset = "draft", changes: Settings = None) -> None:
     from flows.listing import lines
 
     for line in lines(settle(preset, settings=changes or ())):
+        typer.echo(line)
+
+
+@app.command(epilog='Example: dreamfields models, then: dreamfields dream "a marble bust" --guidance clip-vit-b16 --judge clip-vit-b32')
+def models() -> None:
+    """List the image-text models for --guidance and --judge: size, input size in pixels, licence, and what is on disk already."""
+    from flows.listing import models as table
+
+    for line in table(describe_encoders()):
         typer.echo(line)
 
 

@@ -93,9 +93,9 @@ def settle(
 
 def _check_encoders(config: DreamConfig, *, judge_is_stated: bool) -> None:
     guide, judge = card(config.guidance.name), card(config.evaluate.judge)
-    if guide.digest == judge.digest and not judge_is_stated:
+    if guide.shares_weights(judge) and not judge_is_stated:
         raise OrderError(
-            f'the dream would be judged by "{judge.name}", the model that guides it: '
+            f'the dream would be judged by "{judge.name}", which guides it: '
             f"name another with --judge, or state --judge {judge.name} to have it so"
         )
 

@@ -51,7 +51,7 @@ def describe(order: Order, dream: Dream, store: Store) -> dict[str, Any]:
         "encoders": {
             "guidance": {"name": guide.name, "digest": guide.digest},
             "judge": {"name": judge.name, "digest": judge.digest},
-            "same_model": guide.digest == judge.digest,
+            "same_model": guide.shares_weights(judge),
         },
         "unknown_words": list(order.unknown_words),
         "seconds": {done.record.step: done.record.seconds for done in dream.steps},

@@ -83,10 +83,13 @@ def from_hub(
 
 
 def cached(repository: str, name: str, revision: str | None = None) -> Path | None:
-    """The file in the hub's cache, if it is there whole."""
-    from huggingface_hub import try_to_load_from_cache
+    """The file in the hub's cache, if it is there whole. Raises: NotPublished, where the name can be no repository's."""
+    from huggingface_hub import errors, try_to_load_from_cache
 
-    found = try_to_load_from_cache(repository, name, revision=revision)
+    try:
+        found = try_to_load_from_cache(repository, name, revision=revision)
+    except errors.HFValidationError:
+        raise _no_name(repository) from None
     return Path(found) if isinstance(found, str) else None
 
 
@@ -112,7 +115,7 @@ def _fetch(repository: str, name: str, revision: str | None) -> Path | None:
     except errors.RemoteEntryNotFoundError:
         return None
     except errors.HFValidationError:
-        raise NotPublished(f"Expected owner/name of a repository on the hub, a folder or a short name, got {repository!r}.") from None
+        raise _no_name(repository) from None
     except (errors.LocalEntryNotFoundError, errors.OfflineModeIsEnabled):
         why = "HF_HUB_OFFLINE is set" if constants.HF_HUB_OFFLINE else "the hub did not answer"
         raise _no_network(repository, name, why) from None
@@ -124,6 +127,13 @@ def _fetch(repository: str, name: str, revision: str | None) -> Path | None:
         if type(problem).__module__.partition(".")[0] in ("httpx", "httpcore"):
             raise _no_network(repository, name, f"the download broke off, {_brief(problem)}; the next attempt goes on from there") from None
         raise
+
+
+def _no_name(repository: str) -> NotPublished:
+    return NotPublished(
+        f'Expected a folder that is there, owner/name on the hub, or a short name, got "{repository[:200]}": '
+        "`dreamfields models` lists names."
+    )
 
 
 def _brief(problem: Exception) -> str:

@@ -14,7 +14,7 @@ from tasks.step import Made, Work
 
 def encode(work: Work) -> Made:
     """The caption as a unit vector of the guidance model."""
-    encoder = load_encoder(work.config.guidance.name)
+    encoder = load_encoder(work.config.guidance.name, towers=("text",))
     embedding = jax.jit(encoder.encode_text)(encoder.params, jnp.asarray(encoder.tokenize([work.text("caption")])))[0]
     file = io.BytesIO()
     np.save(file, np.asarray(embedding, np.float32), allow_pickle=False)

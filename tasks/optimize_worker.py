@@ -132,7 +132,7 @@ def _dreamer(job: Event, store: Any, tell: Speech) -> Any:
 
     config = validate(job["config"])
     embedding = np.load(io.BytesIO(get_artifact(store, ArtifactRef.from_json(job["text_embedding"]))), allow_pickle=False)
-    program = DreamProgram(config, load_encoder(config.guidance.name))
+    program = DreamProgram(config, load_encoder(config.guidance.name, towers=("image",)))
     return Dreamer(program, jnp.asarray(embedding), store, job["run"], tell)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection
 from dataclasses import asdict, dataclass, replace
+from os.path import isdir
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +53,7 @@ class Found:
 
 def is_published(name: str) -> bool:
     """Whether the name can only mean a published model: a short name of the registry, a folder, or owner/name."""
-    return name in registry.NAMES or "/" in name or Path(name).is_dir()
+    return name in registry.NAMES or "/" in name or isdir(name)
 
 
 def load_published(name: str, *, towers: Collection[str] = BOTH, eight_bits: bool = False) -> Encoder:
@@ -82,7 +83,7 @@ def find_published(name: str) -> Found:
         order = (HUB, OPEN_CLIP, SHARDED) if entry.layout == "hub" else (OPEN_CLIP, HUB, SHARDED)
         files = shelf.from_hub(entry.repository, order, revision=entry.revision, sha256=entry.sha256)
         return _hub(name, files, entry.repository, tokenizer=entry.tokenizer, activation=entry.activation)
-    if Path(name).is_dir():
+    if isdir(name):
         return _folder(Path(name))
     if "/" in name:
         files = shelf.from_hub(name, (HUB[:1], OPEN_CLIP[:1]))

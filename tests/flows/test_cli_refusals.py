@@ -32,6 +32,9 @@ REFUSALS = [
     (["dream", CAPTION, "--seed", "1.5"], "valid integer"),
     (["dream", CAPTION, "--guidance", "klip"], "an image-text model among embedded, embedded-judge"),
     (["dream", CAPTION, "--judge", "klip"], "an image-text model among embedded, embedded-judge"),
+    (["dream", CAPTION, "--guidance", "clip-vit-b61"], "published ones such as clip-vit-b16"),
+    (["dream", CAPTION, "--guidance", "clip-vit-b16"], "use --guidance embedded, or give the path of a folder"),
+    (["dream", CAPTION, "--guidance", "embedded*no"], "NAME*WEIGHT with a positive weight"),
     (["dream", CAPTION, "--guidance", "embedded-judge"], "state --judge embedded-judge to have it so"),
     (["dream", CAPTION, "--store", "ftp://somewhere"], "s3://bucket/prefix"),
     (["dream", CAPTION, "--store", "memory://"], "several processes"),
@@ -65,7 +68,7 @@ def test_refused(
     assert not list(home.rglob("result.json")) and not list(home.rglob("runs"))
 
 
-@pytest.mark.parametrize("command", [[], ["dream"], ["settings"]])
+@pytest.mark.parametrize("command", [[], ["dream"], ["settings"], ["models"]])
 def test_help_has_an_example(command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(*command, "--help", monkeypatch=monkeypatch, capsys=capsys)
     assert code == 0

@@ -1,0 +1,33 @@
+"""`dreamfields dream` under a published model: a small CLIP of random weights guides, and another judges."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tasks.encoders import card
+from tests.flows.conftest import Dreams
+from tests.flows.test_cli_refusals import run
+from tests.tasks import small_clip
+
+
+@pytest.mark.slow
+def test_a_dream_goes_the_whole_way_under_published_models(dreams: Dreams, tmp_path: Path) -> None:
+    guide = str(small_clip.write(tmp_path / "guide"))
+    judge = str(small_clip.write(tmp_path / "judge", image_size=48))
+    names = ("--guidance", guide, "--judge", f"{judge}+embedded-judge*0.5")
+    text, result, folder = dreams.dream(*names, "--set", "optim.steps=3", caption="a bust of marble, xyzzy")
+    assert "does not know" not in text and result["unknown_words"] == []
+    assert result["encoders"]["guidance"] == {"name": guide, "digest": card(guide).digest}
+    assert result["encoders"]["same_model"] is False
+    assert -1 <= result["scores"][names[-1]]["cosine"] <= 1
+    assert (folder / "mesh.glb").stat().st_size > 0
+
+
+def test_models_are_listed_without_a_network(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run("models", monkeypatch=monkeypatch, capsys=capsys)
+    header, *rows = out.splitlines()
+    assert code == 0 and header.split()[:2] == ["name", "MB"] and len(rows) > 20
+    assert rows[0].split()[:5] == ["embedded", "3", "48", "Apache-2.0", "yes"]
+    assert next(row for row in rows if row.startswith("clip-vit-b16 ")).split()[:5] == ["clip-vit-b16", "598", "224", "MIT", "no"]
