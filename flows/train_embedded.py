@@ -9,13 +9,11 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import logging
-import os
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
 
 import jax
 import numpy as np
@@ -27,6 +25,7 @@ from dreamfields_core.teaching import lessons, report
 from dreamfields_core.teaching.album import Page, training_page
 from dreamfields_core.teaching.courses import COURSES
 from dreamfields_core.types import Encoder
+from storage.local import write_file
 from storage.weights import read_weights
 
 WEIGHTS = Path(__file__).parent.parent / "storage" / "embedded"
@@ -70,7 +69,7 @@ def load_page(seed: int, number: int, folder: Path) -> Page:
     if not path.exists():
         started = time.monotonic()
         page = training_page(seed, number)
-        write_atomically(path, lambda file: np.savez(file, pictures=page.pictures, captions=np.array(page.captions)))
+        write_arrays(path, pictures=page.pictures, captions=np.array(page.captions))
         log.info("page %d of seed %d: %.0f pictures a second", number, seed, len(page.captions) / (time.monotonic() - started))
     with np.load(path) as stored:
         return Page(stored["pictures"], [str(caption) for caption in stored["captions"]])
@@ -103,8 +102,7 @@ def report_progress(name: str, course: lessons.Course, step: int, told: list[dic
 
 def keep(path: Path, progress: lessons.Progress) -> None:
     """Writes a checkpoint; the old one stays until the new one is whole."""
-    leaves = jax.tree.leaves(progress)
-    write_atomically(path, lambda file: np.savez(file, *[np.asarray(leaf) for leaf in leaves]))
+    write_arrays(path, *(np.asarray(leaf) for leaf in jax.tree.leaves(progress)))
 
 
 def restore(path: Path, fresh: lessons.Progress) -> lessons.Progress:
@@ -119,7 +117,8 @@ def restore(path: Path, fresh: lessons.Progress) -> lessons.Progress:
 def write_weights(model: embedded.Model, path: Path) -> Path:
     """The model in half precision, with all that is needed to use it."""
     arrays, metadata = embedded.to_arrays(model)
-    return write_atomically(path, lambda file: file.write(save(arrays, metadata)))
+    write_file(path, save(arrays, metadata))
+    return path
 
 
 def load(path: Path) -> Encoder:
@@ -128,14 +127,11 @@ def load(path: Path) -> Encoder:
     return embedded.from_arrays(path.stem, read.arrays, read.metadata, read.sha256)
 
 
-def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> Path:
-    """Nothing half-written is ever visible."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    with partial.open("wb") as file:
-        write(file)
-    partial.replace(path)
-    return path
+def write_arrays(path: Path, *numbered: np.ndarray, **named: np.ndarray) -> None:
+    """Arrays as one npz file, of which nothing half-written is ever visible."""
+    file = io.BytesIO()
+    np.savez(file, *numbered, **named)  # type: ignore[arg-type]
+    write_file(path, file.getvalue())
 
 
 def main() -> None:

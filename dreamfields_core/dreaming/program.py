@@ -45,7 +45,7 @@ class DreamProgram:
         self._key = jax.random.key(config.seed)
         self._start = jax.jit(self.field.init)
         self._step = jax.jit(self._advance, donate_argnums=0)
-        self._preview = jax.jit(partial(self._render_preview))
+        self._preview = jax.jit(self._render_preview)
 
     def start(self) -> DreamState:
         """The state before the first step; decided by the configuration's seed alone."""

@@ -58,13 +58,11 @@ def render_rays(
     raw, colors = evaluate_packed(field.apply, gaussians_at, skip.chunk, prepared, placed, kept.reshape(-1))
     length = jnp.where(kept, placed.length * weight, 0.0)
     depths = optical_depths(field.density(raw).reshape(kept.shape), length)
-    distances = placed.distances()
-    rendering = composite(depths, colors.reshape(*kept.shape, 3), distances)
+    rendering = composite(depths, colors.reshape(*kept.shape, 3), placed.distances())
     opacity = jax.lax.stop_gradient(-jnp.expm1(-depths))
-    points = placed.rays.origins[:, None] + distances[..., None] * placed.rays.directions[:, None]
     return rendering, Tally(
         evaluated=jnp.sum(kept, dtype=jnp.int32),
         possible=jnp.int32(kept.size),
         mass=jnp.sum(opacity),
-        moment=jnp.einsum("rs,rsx->x", opacity, points, precision=jax.lax.Precision.HIGHEST),
+        moment=jnp.einsum("rs,rsx->x", opacity, placed.points(), precision=jax.lax.Precision.HIGHEST),
     )

@@ -35,6 +35,10 @@ class Samples:
         """[R, S] distance of each sample along its ray."""
         return self.near[:, None] + (jnp.arange(self.shift.shape[1])[None, :] + self.shift) * self.step
 
+    def points(self) -> Array:
+        """[R, S, 3] position of each sample, world space."""
+        return self.rays.origins[:, None] + self.distances()[..., None] * self.rays.directions[:, None]
+
 
 def place_samples(key: Array | None, rays: Rays, origin: Array, *, bound: float, count: int) -> Samples:
     """Samples at even steps through the cube about `origin` [3], jittered within their steps if a key is given.

@@ -33,8 +33,7 @@ def choose_samples(
     if not skip.enabled:
         return everything, jnp.ones(samples.length.shape)
     inside = samples.length > 0
-    points = samples.rays.origins[:, None] + samples.distances()[..., None] * samples.rays.directions[:, None]
-    cell = cell_index(points, origin, bound=bound, resolution=occupancy.resolution)
+    cell = cell_index(samples.points(), origin, bound=bound, resolution=occupancy.resolution)
     filled = occupied_cells(occupancy, step=samples.step, threshold=skip.threshold).reshape(-1)[cell]
     kept = filled & ~_hidden(samples, inner_density(occupancy).reshape(-1)[cell], terminate=skip.terminate)
     weight = jnp.ones(samples.length.shape)
