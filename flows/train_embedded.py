@@ -83,7 +83,7 @@ def teach(name: str, course: lessons.Course, album: Page, checkpoint: Path) -> e
     step = lessons.make_step(course, model.architecture)
     started, told = time.monotonic(), []
     for number in range(int(progress.step), course.steps):
-        progress, said = step(progress, pupils.batch(number))
+        progress, said = step(lessons.enter_term(course, progress), pupils.batch(number))
         told.append(said)
         if (number + 1) % SAVE_EVERY == 0 or number + 1 == course.steps:
             report_progress(name, course, number + 1, told, time.monotonic() - started)

@@ -1,11 +1,12 @@
-"""A course: its batches, its steps, its state. Randomness follows from (seed, step), so that a resumed course is the same course.
+"""A course: its terms, its steps, its state. Randomness follows from (seed, step), so that a resumed course is the same course.
 
-Plain lessons come first, then 'free' adversarial ones (Shafahi et al. 2019): each batch is replayed, and the gradient that teaches also
+Plain terms come first, then 'free' adversarial ones (Shafahi et al. 2019): each batch is replayed, and the gradient that teaches also
 moves the pictures to where the model errs. Robust encoders give gradients that look like objects.
 """
 
 from __future__ import annotations
 
+import bisect
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,35 +28,55 @@ from dreamfields_core.types import Array, Params
 
 
 @dataclass(frozen=True)
+class Term:
+    """Steps that belong together; a term begins with the averaged weights and a fresh optimiser.
+
+    rate: after `warm` steps; it falls to `last` times itself, a cosine.
+    radius: of the L2 ball in pixel values that pictures are moved in, reached after `ramp` steps; 0 for plain lessons.
+    alike: pictures of a batch that share colours, pattern and relation with one another, so that only the kind tells them apart.
+    """
+
+    steps: int
+    rate: float
+    radius: float = 0.0
+    ramp: int = 1
+    alike: int = 1
+    last: float = 0.01
+    warm: int = 100
+
+
+@dataclass(frozen=True)
 class Course:
     """What makes a model what it is.
 
     seed: of weights, batches and pictures; two courses with different seeds share no picture.
     sizes: fields of `Architecture`.
     pages: of the album, 1 024 pictures each.
-    plain_steps: batches seen as they are.
-    robust_terms: (steps, rate) of each term of robust lessons; the rate falls to nothing within a term, a cosine.
-        A batch is seen `replays` times, each counting as a step.
-    radius: of the L2 ball in pixel values, ramped in over the first third of the first robust term.
-    learning_rate: of the plain lessons, after a warm-up; it would fall to nothing at step `horizon`, a cosine.
+    replays: how often a batch of an adversarial term is seen, each counting as a step.
     """
 
     seed: int
+    terms: tuple[Term, ...]
     sizes: Mapping[str, Any] = field(default_factory=dict)
-    pages: int = 40
+    pages: int = 64
     batch: int = 64
-    plain_steps: int = 3000
-    robust_terms: tuple[tuple[int, float], ...] = ((3000, 1e-3),)
     replays: int = 3
-    radius: float = 1.0
-    learning_rate: float = 2e-3
-    horizon: int = 6000
     averaging: float = 0.998
     facts_weight: float = 1.0
 
     @property
+    def starts(self) -> tuple[int, ...]:
+        """The first step of each term, and the end."""
+        return (0, *np.cumsum([term.steps for term in self.terms]).tolist())
+
+    @property
     def steps(self) -> int:
-        return self.plain_steps + sum(steps for steps, _ in self.robust_terms)
+        return self.starts[-1]
+
+    def term_of(self, step: int) -> tuple[Term, int]:
+        """The term that a step belongs to, and the step's number in it."""
+        number = bisect.bisect_right(self.starts, step, hi=len(self.terms)) - 1
+        return self.terms[number], step - self.starts[number]
 
 
 class Batch(NamedTuple):
@@ -86,16 +107,35 @@ def begin(course: Course) -> tuple[embedded.Model, Progress]:
     params = {"model": model.params, "questions": contrast.init_questions(question_key, model.architecture.dim)}
     size = model.architecture.image_size
     perturbation = jnp.zeros((course.batch, size, size, 3))
-    return model, Progress(jnp.int32(0), params, params, _optimizer(course).init(params), perturbation)
+    return model, Progress(jnp.int32(0), params, params, _optimizer().init(params), perturbation)
 
 
-def _optimizer(course: Course) -> optax.GradientTransformation:
-    warm = min(150, course.horizon // 10 + 1)
-    plain = optax.warmup_cosine_decay_schedule(0.0, course.learning_rate, warm, course.horizon, 0.01 * course.learning_rate)
-    robust = [optax.cosine_decay_schedule(rate, steps, 0.01) for steps, rate in course.robust_terms]
-    starts = np.cumsum([course.plain_steps, *(steps for steps, _ in course.robust_terms)])[:-1]
-    rate = optax.join_schedules([plain, *robust], [int(start) for start in starts])
-    return optax.chain(optax.clip_by_global_norm(1.0), optax.adamw(rate, b2=0.99, weight_decay=0.01))
+def _optimizer(weight_decay: float = 0.01) -> optax.GradientTransformation:
+    """Clipped AdamW, of which the rate is yet to be taken."""
+    return optax.chain(optax.clip_by_global_norm(1.0), optax.scale_by_adam(b2=0.99), optax.add_decayed_weights(weight_decay))
+
+
+def rate_of(course: Course) -> optax.Schedule:
+    """The rate by the step of the course: each term warms up, then falls along a cosine."""
+    rates = [
+        optax.warmup_cosine_decay_schedule(0.0, t.rate, min(t.warm, t.steps // 10 + 1), t.steps, t.last * t.rate) for t in course.terms
+    ]
+    return optax.join_schedules(rates, list(course.starts[1:-1]))
+
+
+def radius_of(course: Course) -> optax.Schedule:
+    """The radius of the adversarial pictures by the step of the course."""
+    radii = [optax.linear_schedule(0.0, term.radius, term.ramp) for term in course.terms]
+    return optax.join_schedules(radii, list(course.starts[1:-1]))
+
+
+def enter_term(course: Course, progress: Progress) -> Progress:
+    """What a term begins with, where this step is a term's first: the averaged weights, a fresh optimiser. Else the progress as it is."""
+    if int(progress.step) not in course.starts[1:-1]:
+        return progress
+    return progress._replace(
+        params=progress.average, optimizer=_optimizer().init(progress.average), perturbation=jnp.zeros_like(progress.perturbation)
+    )
 
 
 class Class:
@@ -105,15 +145,21 @@ class Class:
         self.course, self.pictures = course, pictures
         self.descriptions = descriptions_of(captions)
         self.facts = np.stack([facts(description) for description in self.descriptions])
+        looks = [look(description) for description in self.descriptions]
+        number = {name: i for i, name in enumerate(dict.fromkeys(looks))}
+        self.look = np.array([number[name] for name in looks])
+        order = np.argsort(self.look, kind="stable")
+        self.alike = np.split(order, np.cumsum(np.bincount(self.look))[:-1])
         self.tokenize = embedded.tokenizer(words.vocabulary(), architecture.length)
         self.length = architecture.length
 
     def batch(self, step: int) -> Batch:
         """The batch of a step; in robust lessons the same one for `replays` steps."""
         course = self.course
-        lesson = step if step < course.plain_steps else step - (step - course.plain_steps) % course.replays
+        term, number = course.term_of(step)
+        lesson = step - number % course.replays if term.radius else step
         rng = np.random.default_rng([course.seed, 7, lesson])
-        chosen = rng.integers(len(self.pictures), size=course.batch)
+        chosen = self._choose(rng, term.alike)
         said = [self.descriptions[i] for i in chosen]
         wrong = [hard_negative(rng, description) for description in said]
         return Batch(
@@ -125,12 +171,28 @@ class Class:
             self.facts[chosen],
         )
 
+    def _choose(self, rng: np.random.Generator, alike: int) -> np.ndarray:
+        """Which pictures a batch shows, [B]: groups of `alike` that share all but the kinds, as far as there are so many."""
+        chosen = rng.integers(len(self.pictures), size=self.course.batch)
+        for start in range(0, len(chosen), alike):
+            group = self.alike[self.look[chosen[start]]]
+            count = min(alike, len(chosen) - start)
+            if alike > 1 and len(group) >= count:
+                chosen[start : start + count] = rng.choice(group, count, replace=False)
+        return chosen
+
     def _caption(self, rng: np.random.Generator, description: Description) -> str:
         """A paraphrase short enough to be read whole."""
         while True:
             caption = paraphrase(rng, description)
             if len(embedded.words_of(caption)) <= self.length:
                 return caption
+
+
+def look(description: Description) -> tuple:
+    """All that a caption says but kinds and size."""
+    things = [(t.color, t.pattern, t.part_color) for t in (description.thing, description.other) if t]
+    return (description.relation, *things)
 
 
 def fingerprint(description: Description) -> int:
@@ -140,8 +202,9 @@ def fingerprint(description: Description) -> int:
 
 def make_step(course: Course, architecture: Architecture) -> Callable[[Progress, Batch], tuple[Progress, dict[str, Array]]]:
     """The compiled step: (progress, batch) -> (progress, what to report)."""
-    optimizer = _optimizer(course)
-    ramp = course.robust_terms[0][0] / 3 + 1 if course.robust_terms else 1.0
+    optimizer, rate, radius = _optimizer(), rate_of(course), radius_of(course)
+    starts = jnp.array(course.starts[:-1])
+    replays = jnp.array([course.replays if term.radius else 1 for term in course.terms])
 
     def loss(params: Params, images: Array, junk_key: Array, batch: Batch) -> tuple[Array, dict[str, Array]]:
         model = params["model"]
@@ -160,21 +223,20 @@ def make_step(course: Course, architecture: Architecture) -> Callable[[Progress,
     @jax.jit
     def step(progress: Progress, batch: Batch) -> tuple[Progress, dict[str, Array]]:
         number = progress.step
-        into_robust = number - course.plain_steps
-        replay = jnp.where(into_robust >= 0, into_robust % course.replays, 0)
+        term = jnp.searchsorted(starts, number, side="right") - 1
+        replay = (number - starts[term]) % replays[term]
         key = jax.random.fold_in(jax.random.key(course.seed, impl="unsafe_rbg"), number - replay)
         pictures = jnp.asarray(batch.pictures, jnp.float32) / 255
         clean = spoil(key, pictures)
-        radius = course.radius * jnp.clip(into_robust / ramp, 0, 1)
         perturbation = jnp.where(replay > 0, progress.perturbation, 0)
         images = jnp.clip(clean + perturbation, 0, 1)
         gradient = jax.grad(loss, argnums=(0, 1), has_aux=True)
         (slope, image_slope), report = gradient(progress.params, images, jax.random.fold_in(key, 1), batch)
         updates, state = optimizer.update(slope, progress.optimizer, progress.params)
-        params = optax.apply_updates(progress.params, updates)
+        params = jax.tree.map(lambda p, u: p - rate(number) * u, progress.params, updates)
         keep = jnp.minimum(course.averaging, (1.0 + number) / (10.0 + number))
         average = jax.tree.map(lambda a, p: keep * a + (1 - keep) * p, progress.average, params)
-        perturbation = contrast.toward_ball(perturbation, image_slope, radius)
+        perturbation = contrast.toward_ball(perturbation, image_slope, radius(number))
         return Progress(number + 1, params, average, state, perturbation), report
 
     return step

@@ -12,7 +12,12 @@ from flows import train_embedded
 
 TINY = {"image_size": 16, "dim": 16, "fine": 8, "coarse": 16, "fine_blocks": 1, "coarse_blocks": 1, "text_width": 16, "text_blocks": 1}
 COURSE = lessons.Course(
-    seed=3, sizes=TINY, batch=16, plain_steps=24, robust_terms=((6, 1e-3),), replays=3, pages=1, learning_rate=1e-2, horizon=40
+    seed=3,
+    sizes=TINY,
+    batch=16,
+    terms=(lessons.Term(24, 1e-2, last=0.3), lessons.Term(6, 1e-3, radius=1.0, ramp=2, alike=4)),
+    replays=3,
+    pages=1,
 )
 
 
@@ -29,7 +34,7 @@ def taught(page: album.Page):
     step = lessons.make_step(COURSE, model.architecture)
     states, reports = [progress], []
     for number in range(COURSE.steps):
-        progress, report = step(progress, pupils.batch(number))
+        progress, report = step(lessons.enter_term(COURSE, progress), pupils.batch(number))
         states.append(progress)
         reports.append(report)
     return states, reports, step, pupils
@@ -43,22 +48,49 @@ def test_lessons_lower_the_loss(taught) -> None:
 
 def test_a_course_resumed_from_disk_is_the_same_to_the_bit(taught, tmp_path) -> None:
     states, _, step, pupils = taught
-    middle = COURSE.plain_steps + 1  # within a replayed batch, so that the perturbation has to be kept too
+    middle = COURSE.starts[1] + 1  # within a replayed batch, so that the perturbation has to be kept too
     train_embedded.keep(tmp_path / "state.npz", states[middle])
     progress = train_embedded.restore(tmp_path / "state.npz", lessons.begin(COURSE)[1])
     for number in range(middle, COURSE.steps):
-        progress, _ = step(progress, pupils.batch(number))
+        progress, _ = step(lessons.enter_term(COURSE, progress), pupils.batch(number))
     jax.tree.map(np.testing.assert_array_equal, progress, states[-1])
 
 
 def test_robust_lessons_replay_their_batch_and_move_its_pictures(taught) -> None:
     states, _, _, pupils = taught
-    start = COURSE.plain_steps
+    start = COURSE.starts[1]
     batches = [pupils.batch(start + i) for i in range(4)]
     np.testing.assert_array_equal(batches[0].tokens, batches[2].tokens)
     assert not np.array_equal(batches[0].tokens, batches[3].tokens)
     lengths = jnp.sqrt((states[-1].perturbation ** 2).sum((1, 2, 3)))
-    assert 0 < float(lengths.max()) <= COURSE.radius + 1e-5
+    assert 0 < float(lengths.max()) <= COURSE.terms[1].radius + 1e-5
+
+
+def test_a_term_begins_with_the_averaged_weights(taught) -> None:
+    states = taught[0]
+    entered = lessons.enter_term(COURSE, states[COURSE.starts[1]])
+    jax.tree.map(np.testing.assert_array_equal, entered.params, states[COURSE.starts[1]].average)
+    assert all(not np.any(leaf) for leaf in jax.tree.leaves(entered.optimizer))
+    assert lessons.enter_term(COURSE, states[5]) is states[5]
+
+
+def test_a_step_belongs_to_one_term() -> None:
+    assert [COURSE.term_of(step)[1] for step in (0, 23, 24, 29)] == [0, 23, 0, 5]
+    assert COURSE.steps == 30
+    rates = [float(lessons.rate_of(COURSE)(step)) for step in range(COURSE.steps)]
+    assert max(rates[:24]) == pytest.approx(1e-2)
+    assert max(rates[24:]) == pytest.approx(1e-3)
+
+
+def test_pictures_of_a_group_differ_in_kind_alone(page) -> None:
+    colors = ["red", "blue"]
+    captions = [f"a {color} {kind}" for color in colors for kind in ("cube", "cone", "egg", "mug", "star", "tree")]
+    pupils = lessons.Class(COURSE, page.pictures[:12], captions, lessons.begin(COURSE)[0].architecture)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        groups = pupils._choose(rng, 4).reshape(-1, 4) // 6
+        assert (groups == groups[:, :1]).all()
+    assert len({tuple(pupils._choose(rng, 1) // 6) for _ in range(5)}) > 1
 
 
 def test_a_flow_run_writes_weights_that_load(page, tmp_path, monkeypatch) -> None:
