@@ -1,0 +1,61 @@
+"""How the field is moved toward the caption (paper sections 3.2, 4.2 and 4.4, appendix C)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from dreamfields_core.config.parts import Count, NonNegative, Part, Positive, PositiveShare
+
+Background = Literal["noise", "checkerboard", "fourier", "solid", "white"]
+
+
+class AugmentConfig(Part):
+    """Backgrounds behind the object in training (paper section 4.4), drawn evenly from the kinds named.
+
+    copies: augmented copies of every view.
+    blur: largest standard deviation of the Gaussian blur of the background, pixels.
+    checkers: squares a side of the checkerboard.
+    """
+
+    backgrounds: Annotated[tuple[Background, ...], Field(min_length=1)] = ("noise", "checkerboard", "fourier")
+    blur: NonNegative = 10.0
+    checkers: Count = 8
+    copies: Count = 8
+
+
+class GuidanceConfig(Part):
+    """The image-text model that the field is optimised with."""
+
+    name: Annotated[str, Field(min_length=1)] = "embedded"
+
+
+class LossConfig(Part):
+    """Clipped additive transmittance loss (paper equations 5 and 6).
+
+    transmittance: weight lambda. opacity_start -> opacity_end: target mean opacity, annealed geometrically over anneal_steps,
+    then times m^2 / 1.2 / (radius / 4)^2 with focal = m x 1111.1/800: the area that the object fills in the picture stays its own.
+    """
+
+    transmittance: NonNegative = 0.5
+    opacity_start: PositiveShare = 0.5
+    opacity_end: PositiveShare = 0.1
+    anneal_steps: Count = 500
+
+
+class OptimConfig(Part):
+    """Adam (paper appendix C): rate_start -> rate geometrically over warmup_steps, then constant or to rate_end by a cosine.
+
+    checkpoint_every: steps between checkpoints.
+    patience: bad steps (non-finite loss or gradient) in a row before the run goes back to its last checkpoint with half the rate.
+    """
+
+    steps: Count = 10_000
+    rate_start: Positive = 1e-5
+    rate: Positive = 1e-4
+    warmup_steps: Annotated[int, Field(ge=0)] = 1500
+    rate_end: Positive | None = None
+    epsilon: Positive = 1e-5
+    checkpoint_every: Count = 500
+    patience: Count = 5

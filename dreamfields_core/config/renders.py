@@ -1,0 +1,53 @@
+"""Training pictures, and what of a scene is not computed for them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from dreamfields_core.config.parts import Count, NonNegative, Part, PositiveShare, Share
+
+
+class SkipConfig(Part):
+    """What a scene does not need and the renderer leaves out; every saving can be switched off.
+
+    enabled: False evaluates every sample of every ray (the dense path).
+    resolution: cells a side of the occupancy grid.
+    warmup_steps: steps at the start that evaluate every sample inside the cube.
+    refresh_every: steps between refreshes of the grid.
+    decay: of the running maximum of optical depth in a cell, per refresh.
+    threshold: a cell counts as empty below this optical depth a step length.
+    explore: share of the samples in empty cells that is evaluated all the same, weighted up so that expectations hold.
+    terminate: transmittance below which nothing further along the ray is evaluated.
+    chunk: samples evaluated at once; bounds the memory, not the result.
+    """
+
+    enabled: bool = True
+    resolution: Count = 32
+    warmup_steps: Annotated[int, Field(ge=0)] = 64
+    refresh_every: Count = 16
+    decay: Share = 0.9
+    threshold: NonNegative = 1e-3
+    explore: PositiveShare = 0.02
+    terminate: Share = 1e-4
+    chunk: Count = 16384
+
+
+class RenderConfig(Part):
+    """Training pictures.
+
+    size: side in pixels. crop: side of the random crop that the encoder sees, at most size.
+    samples: how many step lengths fit along the cube's diagonal.
+    """
+
+    size: Count = 168
+    crop: Count = 154
+    samples: Count = 192
+    skip: SkipConfig = SkipConfig()
+
+    @model_validator(mode="after")
+    def crop_fits(self) -> RenderConfig:
+        if self.crop > self.size:
+            raise ValueError(f"expected render.crop <= render.size, got crop={self.crop} and size={self.size}")
+        return self
