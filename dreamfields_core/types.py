@@ -97,14 +97,31 @@ class Encoder:
 
 
 @dataclass(frozen=True)
+class Texture:
+    """Pictures that lie on a mesh, uint8 [size, size, 3], row 0 at the top.
+
+    color: display colour (sRGB values). normal_map: tangent-space normals, 0.5 (n + 1), green up; None where none was baked.
+    """
+
+    color: np.ndarray
+    normal_map: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
 class Mesh:
     """A triangle mesh, on the host.
 
     vertices: [V, 3] float32, world space, Z up.
     faces: [F, 3] int32, counter-clockwise seen from outside.
     colors: [V, 3] float32 in [0, 1], or None before they are asked of the field.
+    normals: [V, 3] float32 unit vectors pointing out, or None.
+    uv: [V, 2] float32 in [0, 1], u to the right and v up the texture, or None; seams double their vertices.
+    texture: what `uv` points into, or None.
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     colors: np.ndarray | None = None
+    normals: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    texture: Texture | None = None

@@ -27,7 +27,7 @@ OUTSIDERS = {
 """Libraries that a package must not know: storage knows no field and no mesh, the core no path and no conductor."""
 
 FLOORS = (
-    {"teaching", "dreaming"},
+    {"teaching", "dreaming", "reporting"},
     {"rendering", "meshing"},
     {"judging", "scene", "fields"},
     {"guidance", "presets"},
