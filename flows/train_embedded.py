@@ -143,7 +143,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=WORK, help="folder of pictures and checkpoints (default: %(default)s)")
     parser.add_argument("--weights", type=Path, default=WEIGHTS, help="folder of the weights (default: %(default)s)")
     arguments = parser.parse_args()
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", force=True)  # the conductor has set its own
     if not (arguments.model or arguments.evaluate or arguments.so_far):
         parser.error("say what to do: --model NAME teaches, --evaluate NAME examines")
     if arguments.model:
