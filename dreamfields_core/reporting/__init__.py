@@ -1,1 +1,1 @@
-"""What came of a sweep, for people: the table, the gallery, the learning curves and the failures as one page (paper sections 5 and appendix C)."""
+"""What came of a sweep, for people: the table, the gallery, the learning curves and the failures as one page (paper section 5)."""

@@ -39,7 +39,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the paper: R-Precision by a judge. error: standard error. own: the judge's model was also the guide (set in italics there)."""
+    """A figure of the paper: R-Precision by a judge. error: standard error. own: the judge also was the guide (italics there)."""
 
     judge: str
     mean: float
