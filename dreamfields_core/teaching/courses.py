@@ -16,7 +16,7 @@ COURSES: dict[str, Course] = {
             Term(2250, 2e-3, last=0.69, warm=150),
             Term(1950, 1.2e-3, radius=1.0, ramp=651),
             Term(1800, 1e-3, radius=1.0),
-            Term(9000, 1.2e-3, radius=1.0, alike=8),
+            Term(7500, 1.2e-3, radius=1.0, alike=8),
         ),
     ),
     "judge": Course(
@@ -26,8 +26,8 @@ COURSES: dict[str, Course] = {
             Term(2700, 1.2e-3, last=0.46, warm=150),
             Term(900, 5e-4, radius=0.5, ramp=301),
             Term(1500, 6e-4, radius=0.5),
-            Term(6000, 1e-3, alike=8),
-            Term(3000, 6e-4, radius=0.5, ramp=600, alike=8),
+            Term(4800, 1e-3, alike=8),
+            Term(1800, 6e-4, radius=0.5, ramp=300, alike=8),
         ),
     ),
 }

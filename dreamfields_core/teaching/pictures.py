@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dreamfields_core.teaching.language import Description
-from dreamfields_core.teaching.staging import Solid, stage
+from dreamfields_core.teaching.solids import KINDS
+from dreamfields_core.teaching.staging import Shapes, Solid, stage
 
 SIZE = 48
 SUPERSAMPLING = 2
@@ -63,13 +64,13 @@ def random_light(rng: np.random.Generator) -> Light:
 
 
 def render_description(
-    description: Description, cameras: list[Camera], *, seed: int = 0, size: int = SIZE, light: Light | None = None
+    description: Description, cameras: list[Camera], *, seed: int = 0, size: int = SIZE, light: Light | None = None, shapes: Shapes = KINDS
 ) -> np.ndarray:
     """True pictures of one scene from several cameras, RGBA uint8 [views, size, size, 4]: the oracle, and multi-view ground truth.
 
-    `seed` decides the proportions; the scene is the same in all views.
+    `seed` decides the proportions; the scene is the same in all views. shapes: `control.BLOBS` for what has the colours alone.
     """
-    solids = stage(np.random.default_rng(seed), description)
+    solids = stage(np.random.default_rng(seed), description, shapes=shapes)
     return np.stack([render(solids, camera, light or Light(0.4), size=size) for camera in cameras])
 
 

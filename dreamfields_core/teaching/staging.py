@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ SCALES = {None: (0.8, 1.0), "small": (0.38, 0.5), "large": (1.15, 1.3)}
 
 
 Parts = Sequence[tuple[Distance, str]]
+Shapes = Mapping[str, Callable[[np.random.Generator], Parts]]
 Paints = tuple[np.ndarray, np.ndarray, np.ndarray, str | None]
 Box = tuple[np.ndarray, np.ndarray]
 """Lower and upper corner, [3] each."""
@@ -38,25 +39,20 @@ class Solid(NamedTuple):
     frame: tuple[np.ndarray, float]
 
 
-def stage(rng: np.random.Generator, description: Description) -> list[Solid]:
-    """The solids of a scene about the origin, Z up."""
+def stage(rng: np.random.Generator, description: Description, *, shapes: Shapes = KINDS) -> list[Solid]:
+    """The solids of a scene about the origin, Z up. shapes: kind -> (rng) -> parts."""
     if description.other is None:
         low, high = SCALES[description.thing.size]
-        return _place(rng, description.thing, rng.uniform(low, high), np.zeros(3))
-    things = [_make(rng, thing) for thing in (description.thing, description.other)]
+        return _solids(*_make(rng, description.thing, shapes), rng.uniform(low, high), np.zeros(3))
+    things = [_make(rng, thing, shapes) for thing in (description.thing, description.other)]
     boxes = [_bounds([part for part, _ in parts]) for parts, _ in things]
     first, second = (_on_top if description.relation == "on top of" else _side_by_side)(rng, boxes)
     return [*_solids(*things[0], *first), *_solids(*things[1], *second)]
 
 
-def _place(rng: np.random.Generator, thing: Thing, scale: float, centre: np.ndarray) -> list[Solid]:
-    parts, paints = _make(rng, thing)
-    return _solids(parts, paints, scale, centre)
-
-
-def _make(rng: np.random.Generator, thing: Thing) -> tuple[Parts, Paints]:
+def _make(rng: np.random.Generator, thing: Thing, shapes: Shapes) -> tuple[Parts, Paints]:
     """The parts as (distance, paint), and (body, part, second colour, pattern)."""
-    parts = KINDS[thing.kind](rng)
+    parts = shapes[thing.kind](rng)
     color = thing.color or list(words.COLORS)[rng.integers(len(words.COLORS))]
     body = _tint(rng, color)
     named = thing.part_color or words.PARTS.get(thing.kind, ("", None))[1]
