@@ -16,7 +16,9 @@ from dreamfields_core.meshing.errors import (
     MeshError,
     SilhouetteEmpty,
 )
-from dreamfields_core.meshing.export import formats, from_glb, provenance_of, to_glb, to_ply
+from dreamfields_core.meshing.export import FORMATS
+from dreamfields_core.meshing.glb import to_glb
+from dreamfields_core.meshing.glb_reader import from_glb, provenance_of
 from dreamfields_core.meshing.isosurface import isosurface
 from dreamfields_core.meshing.level import Level, Views, choose_level
 from dreamfields_core.meshing.raycast import MeshRendering, cast, render_mesh, silhouette
@@ -24,6 +26,7 @@ from dreamfields_core.meshing.report import MeshReport, report
 from dreamfields_core.meshing.simplify import simplify
 
 __all__ = [
+    "FORMATS",
     "Asset",
     "BadBudget",
     "BadMesh",
@@ -42,7 +45,6 @@ __all__ = [
     "choose_level",
     "colors_from",
     "extract_mesh",
-    "formats",
     "from_glb",
     "isosurface",
     "provenance_of",
@@ -51,7 +53,6 @@ __all__ = [
     "silhouette",
     "simplify",
     "to_glb",
-    "to_ply",
     "vertex_normals",
     "with_colors",
 ]
