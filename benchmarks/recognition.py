@@ -4,7 +4,8 @@
 
 Every caption is dreamed with the draft preset and seen from the held-out cameras. The judge retrieves the caption from that
 view (R-Precision, paper section 5.1) among 153 random captions, and among as many as there are with the same colours and other
-kinds. Beside it the same for true renders (oracle), for balls in the right colours (control), and for chance.
+kinds. Beside it the same for true renders (oracle), for balls in the right colours (control), for pixels optimised without any
+field, and for chance; and what the guide itself says of all of them, which flatters.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+import optax
 from PIL import Image, ImageDraw, ImageFont
 
 from dreamfields_core.config import DreamConfig
@@ -82,14 +86,15 @@ class Row:
 
 
 class Judge:
-    """The judge, and the captions that it chooses among."""
+    """Judge and guide, and the captions that they choose among."""
 
     def __init__(self, config: DreamConfig) -> None:
-        self.config, self.encoder = config, load_encoder(config.evaluate.judge)
+        self.config, self.encoder, self.guide = config, load_encoder(config.evaluate.judge), load_encoder(config.guidance.name)
 
     def __call__(self, caption: str, views: np.ndarray, seconds: float, shown: np.ndarray | None = None) -> Row:
         pools = caption_pools(caption, self.config.evaluate.pool)
         judged = {name: retrieve(self.encoder, views, caption, pool) for name, pool in pools.items()}
+        judged |= {f"{name}, by the guide": retrieve(self.guide, views, caption, pool) for name, pool in pools.items()}
         return Row(caption, seconds, judged, views if shown is None else shown)
 
 
@@ -114,10 +119,30 @@ def drawn(judge: Judge, caption: str, shapes: Shapes) -> Row:
     return judge(caption, pictures[..., :3] + 1 - pictures[..., 3:], 0.0)
 
 
+def pixels(judge: Judge, captions: Sequence[str], *, steps: int = 300, rate: float = 0.05) -> list[Row]:
+    """Pictures that climb the guide's cosine pixel by pixel, from grey with a little noise: what a score without a field is worth."""
+    guide = judge.guide
+    texts = guide.encode_text(guide.params, jnp.asarray(guide.tokenize(captions)))
+    logits = 0.1 * jax.random.normal(jax.random.key(judge.config.seed), (len(captions), guide.image_size, guide.image_size, 3))
+    adam = optax.adam(rate)
+
+    @jax.jit
+    def climb(logits: jax.Array, state: optax.OptState) -> tuple[jax.Array, optax.OptState]:
+        slope = jax.grad(lambda x: -jnp.sum(guide.encode_image(guide.params, jax.nn.sigmoid(x)) * texts))(logits)
+        moved, state = adam.update(slope, state)
+        return optax.apply_updates(logits, moved), state
+
+    state = adam.init(logits)
+    for _ in range(steps):
+        logits, state = climb(logits, state)
+    images = np.asarray(jax.nn.sigmoid(logits))
+    return [judge(caption, image[None], 0.0) for caption, image in zip(captions, images, strict=True)]
+
+
 def summary(rows: Sequence[Row]) -> dict[str, dict[str, object]]:
     """For each pool: share of objects ranked first from the paper's view with its standard error, the same over all views, mean rank."""
     pools: dict[str, dict[str, object]] = {}
-    for pool in ("random", "hard"):
+    for pool in rows[0].judged:
         judged = [row.judged[pool] for row in rows]
         first, error = mean_with_error([float(one.correct) for one in judged])
         views, views_error = mean_with_error([float(np.mean(np.array(one.ranks) == 1)) for one in judged])
@@ -126,6 +151,7 @@ def summary(rows: Sequence[Row]) -> dict[str, dict[str, object]]:
             "over all views": [round(views, 4), round(views_error, 4)],
             "captions": round(float(np.mean([one.pool for one in judged])), 1),
             "median rank": float(np.median([one.rank for one in judged])),
+            "cosine": round(float(np.mean([one.similarity for one in judged])), 4),
             "chance": round(float(np.mean([1 / one.pool for one in judged])), 4),
         }
     return pools
@@ -167,6 +193,7 @@ def main() -> None:
         ranks = {name: one.rank for name, one in dreams[-1].judged.items()}
         print(f"{len(dreams)}/{len(captions)} {caption}: ranks {ranks}, {time.monotonic() - began:.0f} s", flush=True)
     rows = {"dreams": dreams} | {name: [drawn(judge, c, s) for c in captions] for name, s in (("oracle", KINDS), ("control", BLOBS))}
+    rows["pixels"] = pixels(judge, captions)
     results = {name: summary(group) for name, group in rows.items()}
     each = {row.caption: {name: [one.rank, one.pool] for name, one in row.judged.items()} for row in dreams}
     seconds = [row.seconds for row in dreams]
