@@ -18,6 +18,7 @@ import numpy as np
 
 from dreamfields_core.config import DreamConfig
 from dreamfields_core.dreaming.program import DreamProgram, Metrics
+from dreamfields_core.dreaming.settling import has_settled, is_looked_at
 from dreamfields_core.dreaming.state import DreamState, state_from_arrays, state_to_arrays
 from dreamfields_core.types import Array
 from storage.checkpoints import CheckpointWriter, latest_checkpoint
@@ -59,7 +60,14 @@ class Dreamer:
 
     @property
     def finished(self) -> bool:
-        return self.step >= self.config.optim.steps
+        return self.step >= self.config.optim.steps or self.settled
+
+    @property
+    def settled(self) -> bool:
+        """Whether there is nothing more to gain; decided from the history, which checkpoints keep."""
+        if self.unread or not is_looked_at(self.step, self.config.optim):
+            return False
+        return has_settled([row["similarity"] for row in self.history], self.config.optim, self.config.loss)
 
     @property
     def seconds(self) -> float:
@@ -73,9 +81,12 @@ class Dreamer:
         """
         self.state, metrics = self.program.step(self.state, self.embedding)
         self.unread.append(metrics)
-        due = self.finished or self.step % self.config.optim.checkpoint_every == 0
-        if self._read(leave=0 if due else LAG) and due:
+        optim = self.config.optim
+        due = self.step >= optim.steps or self.step % optim.checkpoint_every == 0
+        if self._read(leave=0 if due or is_looked_at(self.step, optim) else LAG) and (due or self.settled):
             self._checkpoint()
+            if self.settled and self.step < optim.steps:
+                self.tell("note", text=f"the similarity has settled: done after {self.step} of {optim.steps} steps")
 
     def stop(self) -> None:
         """Save where it stands, however odd the step."""

@@ -49,6 +49,8 @@ class OptimConfig(Part):
 
     checkpoint_every: steps between checkpoints.
     patience: bad steps (non-finite loss or gradient) in a row before the run goes back to its last checkpoint with half the rate.
+    settle_window, settle_gain: the run ends early once the mean similarity of a window of so many steps is less than the gain above
+    that of the window before, both after warm-up and annealing; a window of null takes all steps.
     """
 
     steps: Count = 10_000
@@ -59,3 +61,5 @@ class OptimConfig(Part):
     epsilon: Positive = 1e-5
     checkpoint_every: Count = 500
     patience: Count = 5
+    settle_window: Count | None = None
+    settle_gain: NonNegative = 1e-3
