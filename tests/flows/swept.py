@@ -1,0 +1,42 @@
+"""Dreams as a store holds them, without having dreamt: pictures that can be told apart, histories, records."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from dreamfields_core.rendering.pictures import png, webp_animation
+from storage.artifacts import put_artifact
+from storage.contract import Store
+from storage.digests import json_digest
+from storage.steps import StepRecord, put_record
+from tests.reporting.objects import JUDGE, result
+
+FRAMES, SIDE, STEPS = 4, 32, 200
+
+
+def keep_dream(store: Store, caption: str, seed: int, *, rank: int = 1, shade: int = 0) -> StepRecord:
+    """A record of step "dream" with its files; of another shade, another turntable."""
+    rng = np.random.default_rng([seed, shade, *caption.encode()])
+    frames = [np.full((SIDE, SIDE, 3), color, np.uint8) for color in rng.integers(0, 256, (FRAMES, 3))]
+    history = io.BytesIO()
+    steps = np.arange(STEPS, dtype=np.float32)
+    np.savez(history, loss=-steps / STEPS, similarity=steps / STEPS, transmittance=np.full(STEPS, 0.8, np.float32), bad=np.zeros(STEPS))
+    return put_record(
+        store,
+        StepRecord(
+            step="dream",
+            version=1,
+            key=json_digest([caption, seed]),
+            inputs={"caption": caption},
+            outputs=(
+                put_artifact(store, "turntable.webp", webp_animation(frames), "image/webp"),
+                put_artifact(store, "contact_sheet.png", png(frames[0]), "image/png"),
+                put_artifact(store, "mesh.glb", f"mesh of {caption} {seed}".encode(), "model/gltf-binary"),
+                put_artifact(store, "history.npz", history.getvalue(), "application/x-npz"),
+                put_artifact(store, "field.safetensors", b"large", "application/x-safetensors"),
+            ),
+            values={"scores": result(rank)["scores"], "seed": seed, "judge": JUDGE},
+        ),
+    )
