@@ -17,6 +17,7 @@ from flows.recipe import make_object
 from flows.result import leave
 from storage.store import open_store
 from tasks.conducted import as_task, fresh, record_of
+from tasks.pools import keep_pool
 from tasks.step import Done, Input, Place, Step
 
 Caption = Annotated[str, Field(min_length=1, max_length=LONGEST, description='What to dream, for instance "a red mushroom".')]
@@ -35,6 +36,8 @@ def dream(
     settings: list[Setting] | None = None,
     store: str | None = None,
     out: str = "dreams",
+    among: list[Caption] | None = None,
+    judges: list[str] | None = None,
 ) -> dict[str, Any]:
     """Dream one caption.
 
@@ -47,16 +50,28 @@ def dream(
       settings: changes to the preset.
       store: folder or s3://bucket/prefix; by default $DREAMFIELDS_STORE, else a folder `store` beside the dreams.
       out: folder in which the dream gets one of its own.
+      among: captions that the judge chooses from; by default those of the embedded models' language.
+      judges: further judges.
 
     Returns:
       What result.json says.
     """
     order = take_order(
-        caption, preset=preset, seed=seed, guidance=guidance, judge=judge, settings=settings or (), store=store, out=Path(out)
+        caption,
+        preset=preset,
+        seed=seed,
+        guidance=guidance,
+        judge=judge,
+        settings=settings or (),
+        store=store,
+        out=Path(out),
+        among=among or (),
+        judges=judges or (),
     )
     order.folder.mkdir(parents=True, exist_ok=True)
     place = Place(open_store(order.store), Progress(order.config.optim.steps), order.folder / "preview.png")
-    made = make_object(ByPrefect(place, order.config), order.caption, order.config)
+    pool = keep_pool(place.store, order.among)
+    made = make_object(ByPrefect(place, order.config), order.caption, order.config, pool=pool, judges=order.judges)
     result = leave(order, made, place.store)
     show_result(order, result, place.store)
     return result
@@ -76,6 +91,9 @@ class ByPrefect:
         task, cached = self._task(step, inputs)
         future = task.submit(self._config, inputs)
         return lambda: Done(record_of(future.result()), cached)
+
+    def under(self, config: DreamConfig) -> ByPrefect:
+        return ByPrefect(self._place, config)
 
     def _task(self, step: Step, inputs: dict[str, Input]) -> tuple[Any, bool]:
         return fresh(as_task(step, self._place), step, self._place, self._config, inputs)

@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from dreamfields_core import captions, presets
 from dreamfields_core.config import DreamConfig, override, validate
@@ -25,7 +26,8 @@ class OrderError(ValueError):
 @dataclass(frozen=True)
 class Order:
     """caption: as it is shown. preset: the name it started from. store: address of the store. folder: of this
-    run's files. unknown_words: of the caption, to the guidance model."""
+    run's files. unknown_words: of the caption, to the guidance model. among: captions that the judge chooses from, or () for the usual.
+    judges: further ones."""
 
     caption: str
     preset: str
@@ -33,6 +35,8 @@ class Order:
     store: str
     folder: Path
     unknown_words: tuple[str, ...] = ()
+    among: tuple[str, ...] = ()
+    judges: tuple[str, ...] = ()
 
     @property
     def config_digest(self) -> str:
@@ -50,6 +54,8 @@ def take_order(
     settings: Sequence[str] = (),
     store: str | None = None,
     out: Path = Path("dreams"),
+    among: Sequence[str] = (),
+    judges: Sequence[str] = (),
 ) -> Order:
     """Check everything that can be checked without work.
 
@@ -58,19 +64,31 @@ def take_order(
     """
     caption = captions.check(caption)
     config = settle(preset, seed=seed, guidance=guidance, judge=judge, settings=settings)
-    judge_is_stated = judge is not None or any(setting.strip().startswith("evaluate.judge") for setting in settings)
-    _check_encoders(config, judge_is_stated=judge_is_stated)
+    check_encoders(config, judge_is_stated=states_judge(judge, settings))
+    order = order_of(caption, preset=preset, config=config, store=address_of(store, out), out=out, among=among, judges=judges)
+    check_places(order.folder, order.store)
+    return order
+
+
+def order_of(
+    caption: str,
+    *,
+    preset: str,
+    config: DreamConfig,
+    store: str,
+    out: Path,
+    among: Sequence[str] = (),
+    judges: Sequence[str] = (),
+) -> Order:
+    """The order for a caption and models that have been checked; nothing is touched. Raises: EncoderError."""
     unknown = unknown_words(config.guidance.name, caption)
-    folder = out / f"{_slug(caption)}-{json_digest([captions.normalize(caption), config.model_dump(mode='json')])[:8]}"
-    _check_folder(folder)
-    address = store or os.environ.get(STORE_VARIABLE) or str(out / "store")
-    if address.startswith("memory:"):
-        raise OrderError("expected a store that several processes can see, got memory://: give a folder or s3://bucket/prefix")
-    try:
-        open_store(address).check_writable()
-    except StorageError as error:
-        raise OrderError(str(error)) from error
-    return Order(caption, preset, config, address, folder, unknown)
+    folder = out / folder_name(caption, config.model_dump(mode="json"))
+    return Order(caption, preset, config, store, folder, unknown, tuple(among), tuple(judges))
+
+
+def folder_name(caption: str, config: dict[str, Any]) -> str:
+    """Of the run's own folder among the others."""
+    return f"{slug(caption)}-{json_digest([captions.normalize(caption), config])[:8]}"
 
 
 def settle(
@@ -91,7 +109,18 @@ def settle(
     return validate(values)
 
 
-def _check_encoders(config: DreamConfig, *, judge_is_stated: bool) -> None:
+def address_of(store: str | None, out: Path) -> str:
+    """The store that was named, else the user's, else the one beside the dreams."""
+    return store or os.environ.get(STORE_VARIABLE) or str(out / "store")
+
+
+def states_judge(judge: str | None, settings: Sequence[str]) -> bool:
+    """Whether somebody has named the judge, and so may have it guide too."""
+    return judge is not None or any(setting.strip().startswith("evaluate.judge") for setting in settings)
+
+
+def check_encoders(config: DreamConfig, *, judge_is_stated: bool) -> None:
+    """Whether both models are there and the judge is another than the guide. Raises: EncoderError, OrderError."""
     guide, judge = card(config.guidance.name), card(config.evaluate.judge)
     if guide.shares_weights(judge) and not judge_is_stated:
         raise OrderError(
@@ -100,7 +129,8 @@ def _check_encoders(config: DreamConfig, *, judge_is_stated: bool) -> None:
         )
 
 
-def _check_folder(folder: Path) -> None:
+def check_places(folder: Path, store: str) -> None:
+    """Whether both can be written. Raises: OrderError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".probe-{os.getpid()}"
@@ -108,8 +138,15 @@ def _check_folder(folder: Path) -> None:
         probe.unlink()
     except OSError as error:
         raise OrderError(f"expected a folder that can be written, got {folder} ({error.strerror}): choose another with --out") from None
+    if store.startswith("memory:"):
+        raise OrderError("expected a store that several processes can see, got memory://: give a folder or s3://bucket/prefix")
+    try:
+        open_store(store).check_writable()
+    except StorageError as error:
+        raise OrderError(str(error)) from error
 
 
-def _slug(caption: str) -> str:
+def slug(caption: str) -> str:
+    """A name for a folder."""
     words = re.sub(r"[^a-z0-9]+", "-", caption.lower()).strip("-")
     return words[:48].strip("-") or "dream"

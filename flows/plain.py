@@ -8,7 +8,7 @@ import shlex
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -21,7 +21,7 @@ from flows.order import Order
 from flows.recipe import Dream, Plainly, make_object
 from flows.result import leave
 from storage.store import open_store
-from tasks.step import Place
+from tasks.step import Event, Place
 
 INTERRUPTED = 130
 TERMINATED = 143
@@ -44,11 +44,11 @@ def dream_plainly(order: Order) -> int:
     if order.unknown_words:
         unknown, guide = ", ".join(order.unknown_words), order.config.guidance.name
         console.print(f"{guide} does not know: {unknown}; its language is small (see README), published models know more", soft_wrap=True)
-    with Display(console, steps=order.config.optim.steps) as display, _notes(display):
+    with Display(console, steps=order.config.optim.steps) as display, notes(display):
         place = Place(open_store(order.store), display, order.folder / "preview.png")
         dreaming: Beside[Dream] = Beside(lambda: make_object(Plainly(place, order.config), order.caption, order.config))
         try:
-            with _terminable():
+            with terminable():
                 dreaming.wait()
         except (KeyboardInterrupt, Terminated) as how:
             _stop(console, display, place, dreaming)
@@ -61,7 +61,7 @@ def dream_plainly(order: Order) -> int:
 
 
 @contextmanager
-def _terminable() -> Iterator[None]:
+def terminable() -> Iterator[None]:
     """SIGTERM is raised on the main thread, as Ctrl-C is."""
 
     def raise_terminated(number: int, frame: FrameType | None) -> None:
@@ -88,7 +88,7 @@ def _stop(console: Console, display: Display, place: Place, dreaming: Beside[Dre
 
 
 @contextmanager
-def _notes(display: Display) -> Iterator[None]:
+def notes(display: Callable[[Event], None]) -> Iterator[None]:
     """What the storage warns of (something vanished or was damaged) is shown as a sentence."""
 
     class Handler(logging.Handler):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from dreamfields_core.config import DreamConfig
 from flows.beside import Beside
+from storage.artifacts import ArtifactRef
 from tasks.encoders import card
 from tasks.step import Done, Input, Place, Step, perform
 from tasks.steps import ENCODE, MESH, OPTIMIZE, RENDER, SCORE
@@ -15,13 +16,18 @@ from tasks.steps import ENCODE, MESH, OPTIMIZE, RENDER, SCORE
 
 @dataclass(frozen=True)
 class Dream:
-    """What was done for one caption, step by step."""
+    """What was done for one caption, step by step. scores: by judge, the configuration's own first."""
 
     words: Done
     field: Done
     pictures: Done
     mesh: Done
-    score: Done
+    scores: dict[str, Done]
+
+    @property
+    def score(self) -> Done:
+        """By the judge that the configuration names."""
+        return next(iter(self.scores.values()))
 
     @property
     def steps(self) -> tuple[Done, ...]:
@@ -30,7 +36,7 @@ class Dream:
 
 
 class Conductor(Protocol):
-    """Who has the steps done."""
+    """Who has the steps done, for one configuration."""
 
     def __call__(self, step: Step, **inputs: Input) -> Done:
         """Do a step now, on this thread, so that signals reach it."""
@@ -38,9 +44,21 @@ class Conductor(Protocol):
     def start(self, step: Step, **inputs: Input) -> Callable[[], Done]:
         """Begin a step beside others; call what comes back for its result."""
 
+    def under(self, config: DreamConfig) -> Conductor:
+        """The same for another configuration."""
 
-def make_object(conduct: Conductor, caption: str, config: DreamConfig) -> Dream:
-    """Encode the caption, optimise a field for it, render and mesh the field side by side, and score what came out."""
+
+STEPS = (ENCODE, OPTIMIZE, RENDER, MESH, SCORE)
+"""All that a dream may be made of."""
+
+
+def make_object(
+    conduct: Conductor, caption: str, config: DreamConfig, *, pool: ArtifactRef | None = None, judges: Sequence[str] = ()
+) -> Dream:
+    """Encode the caption, optimise a field for it, render and mesh the field side by side, and score what came out.
+
+    pool: captions that the judge chooses from, where the usual ones do not fit (tasks/pools.py). judges: further ones.
+    """
     guide, judge = card(config.guidance.name), card(config.evaluate.judge)
     words = conduct(ENCODE, caption=caption, guide=guide.digest)
     dreamt = conduct(OPTIMIZE, text_embedding=words.output("text_embedding.npy"), guide=guide.digest)
@@ -48,8 +66,36 @@ def make_object(conduct: Conductor, caption: str, config: DreamConfig) -> Dream:
     rendering = conduct.start(RENDER, field=field, caption=caption, size=config.evaluate.size or judge.image_size)
     mesh = conduct(MESH, field=field, caption=caption)
     pictures = rendering()
-    score = conduct(SCORE, views=pictures.output("views.npz"), mesh=mesh.output("mesh.glb"), caption=caption, judge=judge.digest)
-    return Dream(words, dreamt, pictures, mesh, score)
+    made = Remains(caption, field, pictures.output("views.npz"), mesh.output("mesh.glb"), pool)
+    scores = {name: judge_object(conduct, made, config, name) for name in dict.fromkeys([judge.name, *judges])}
+    return Dream(words, dreamt, pictures, mesh, scores)
+
+
+@dataclass(frozen=True)
+class Remains:
+    """What of an object a judge needs. views: at the size of the judge that the object's configuration names."""
+
+    caption: str
+    field: ArtifactRef
+    views: ArtifactRef
+    mesh: ArtifactRef
+    pool: ArtifactRef | None = None
+
+
+def judge_object(conduct: Conductor, made: Remains, config: DreamConfig, name: str) -> Done:
+    """The score by a judge, from views of the size that it wants: those there are, or else further ones of the same field."""
+    judge, size = card(name), config.evaluate.size
+    conduct = conduct.under(judged_by(config, name))
+    views = made.views
+    if size is None and judge.image_size != card(config.evaluate.judge).image_size:
+        views = conduct(RENDER, field=made.field, caption=made.caption, size=judge.image_size).output("views.npz")
+    among: dict[str, Input] = {"pool": made.pool} if made.pool else {}
+    return conduct(SCORE, views=views, mesh=made.mesh, caption=made.caption, judge=judge.digest, **among)
+
+
+def judged_by(config: DreamConfig, name: str) -> DreamConfig:
+    """The same with another judge."""
+    return config.model_copy(update={"evaluate": config.evaluate.model_copy(update={"judge": name})})
 
 
 class Plainly:
@@ -67,3 +113,6 @@ class Plainly:
     def start(self, step: Step, **inputs: Input) -> Callable[[], Done]:
         """On a thread of its own."""
         return Beside(lambda: self(step, **inputs)).result
+
+    def under(self, config: DreamConfig) -> Plainly:
+        return Plainly(self._place, config)

@@ -6,17 +6,19 @@ import json
 from typing import Any
 
 from flows.order import Order
-from flows.recipe import Dream
+from flows.recipe import STEPS, Dream
 from storage.artifacts import ArtifactRef, export
 from storage.contract import Store
 from storage.digests import json_digest
 from storage.local import write_file
-from storage.steps import StepRecord, put_record
+from storage.steps import StepRecord, find_record, put_record
 from tasks.encoders import card
 from tasks.version import code_version
 
 KEEPSAKES = ("mesh.glb", "contact_sheet.png", "turntable.mp4", "turntable.webp", "preview.png", "field.safetensors", "history.npz")
 """Outputs that are copied into the folder; the others stay in the store."""
+FACTS = ("preset", "seed", "config_digest", "encoders", "unknown_words", "seconds", "scores", "mesh")
+"""What the record in the store holds of result.json beside its own fields."""
 
 
 def leave(order: Order, dream: Dream, store: Store) -> dict[str, Any]:
@@ -41,6 +43,7 @@ def outputs(dream: Dream) -> list[ArtifactRef]:
 def describe(order: Order, dream: Dream, store: Store) -> dict[str, Any]:
     """The facts of a dream, JSON-able."""
     guide, judge = card(order.config.guidance.name), card(order.config.evaluate.judge)
+    others = {name: card(name).digest for name in dream.scores if name != judge.name}
     return {
         "caption": order.caption,
         "preset": order.preset,
@@ -52,18 +55,19 @@ def describe(order: Order, dream: Dream, store: Store) -> dict[str, Any]:
             "guidance": {"name": guide.name, "digest": guide.digest},
             "judge": {"name": judge.name, "digest": judge.digest},
             "same_model": guide.shares_weights(judge),
+            "judges": {judge.name: judge.digest, **others},
         },
         "unknown_words": list(order.unknown_words),
         "seconds": {done.record.step: done.record.seconds for done in dream.steps},
-        "scores": {judge.name: _score(dream.score.record.values)},
+        "scores": {name: told_score(done.record.values) for name, done in dream.scores.items()},
         "mesh": dream.mesh.record.values,
         "artifacts": [ref.to_json() for ref in outputs(dream)],
         "store": store.url,
     }
 
 
-def _score(values: dict[str, Any]) -> dict[str, Any]:
-    """The paper's score first (field, held-out view, the random pool), then all the others."""
+def told_score(values: dict[str, Any]) -> dict[str, Any]:
+    """A score as result.json has it: the paper's first (field, held-out view, the random pool), then all the others."""
     first = values["field"]["random"]
     head = {"cosine": first["similarity"], "rank": first["rank"], "correct": first["correct"], "pool": first["pool"]}
     return {**head, "field": values["field"], "mesh": values["mesh"]}
@@ -71,14 +75,51 @@ def _score(values: dict[str, Any]) -> dict[str, Any]:
 
 def _record(order: Order, dream: Dream, result: dict[str, Any]) -> StepRecord:
     """So that the store alone tells which dreams it holds."""
+    versions = {done.record.step: done.record.version for done in dream.steps}
     return StepRecord(
         step="dream",
         version=1,
-        key=json_digest([order.caption, result["config"]]),
+        key=dream_key(order),
         config=result["config"],
         inputs={"caption": order.caption},
         code_version=result["code_version"],
         seconds=round(sum(result["seconds"].values()), 3),
         outputs=tuple(outputs(dream)),
-        values={name: result[name] for name in ("preset", "seed", "config_digest", "encoders", "scores", "mesh", "seconds")},
+        values={name: result[name] for name in FACTS} | {"versions": versions, "among": list(order.among)},
     )
+
+
+def dream_key(order: Order) -> str:
+    """Under which the store knows the dream, before and after it is dreamed."""
+    return json_digest([order.caption, order.config.model_dump(mode="json"), *([list(order.among)] if order.among else [])])
+
+
+def find_dream(store: Store, order: Order) -> StepRecord | None:
+    """The record of the dream, if it is there whole and today's steps and models would give the same.
+
+    Of an object store only the sizes of the files are asked: to prove their digests would be to download everything.
+    """
+    record = find_record(store, "dream", dream_key(order), digests=store.local_path("blobs") is not None)
+    if record is None:
+        return None
+    encoders, wanted = record.values["encoders"], dict.fromkeys([order.config.evaluate.judge, *order.judges])
+    judged = {name: card(name).digest for name in wanted}.items() <= encoders.get("judges", {}).items()
+    if not judged or encoders["guidance"]["digest"] != card(order.config.guidance.name).digest:
+        return None
+    versions = {step.name: step.version for step in STEPS}
+    made: dict[str, Any] = record.values.get("versions") or {"": 0}
+    return record if made.items() <= versions.items() else None
+
+
+def told(record: StepRecord, store: Store) -> dict[str, Any]:
+    """What result.json says, from the record alone."""
+    facts = {name: record.values.get(name) for name in FACTS}
+    artifacts = [ref.to_json() for ref in record.outputs]
+    return {
+        "caption": record.inputs["caption"],
+        "config": record.config,
+        "code_version": record.code_version,
+        **facts,
+        "artifacts": artifacts,
+        "store": store.url,
+    }

@@ -23,7 +23,7 @@ from storage.download import fetch
 from tasks.coco import PUBLISHED, object_centric, published_list
 from tasks.compiled import cache_folder
 
-SOURCES = "coco-153, embedded:COUNT or embedded:COUNT:SEED, coco:captions_*.json, or a .txt, .csv or .json file"
+SOURCES = "coco (the paper's 153), embedded:COUNT or embedded:COUNT:SEED, coco:captions_*.json, or a .txt, .csv or .json file"
 CLOSED = "put a file with the captions there, or use embedded:12"
 MOST = 5000
 """Captions drawn from the embedded language at most: it ends somewhere."""
@@ -164,7 +164,7 @@ def _structured(text: str, path: Path) -> Rows:
     items = found.get("captions") if isinstance(found, dict) else found
     if not isinstance(items, list):
         raise CaptionError(f'expected a list of captions in {path}, got {type(found).__name__}: write ["a red mug", ...]')
-    rows = [(item.get("caption"), item.get("picture")) if isinstance(item, dict) else (item, None) for item in items]
+    rows: list[Any] = [(item.get("caption"), item.get("picture")) if isinstance(item, dict) else (item, None) for item in items]
     for number, (caption, picture) in enumerate(rows, 1):
         if not isinstance(caption, str) or not isinstance(picture, str | None):
             raise CaptionError(

@@ -24,7 +24,7 @@ class Published:
 
 
 PUBLISHED = {
-    "coco-153": Published(
+    "coco": Published(
         "https://raw.githubusercontent.com/google-research/google-research/4c4299485319ed72ef782020c81784be5468924e/"
         "dreamfields/dreamfields/config/coco_queries_val.py",
         "f0fb740e8dded740d1b8a54ba09c81080499c99e6db11a3a3133c0e3842d9747",

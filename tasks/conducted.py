@@ -13,6 +13,7 @@ from prefect.states import Completed, State
 
 from dreamfields_core.config import DreamConfig
 from storage.steps import StepRecord, find_record
+from tasks.retries import DELAYS, is_passing
 from tasks.step import Input, Place, Step, key_of, perform
 
 TaskResult = Any
@@ -25,13 +26,25 @@ def as_task(step: Step, place: Place) -> Task[..., TaskResult]:
     def cache_key(context: TaskRunContext, arguments: dict[str, Any]) -> str:
         return f"{step.name}-{key_of(step, arguments['config'], arguments['inputs'])}"
 
-    @task(name=step.name, cache_key_fn=cache_key, persist_result=True, result_serializer="json")
+    @task(
+        name=step.name,
+        cache_key_fn=cache_key,
+        persist_result=True,
+        result_serializer="json",
+        retries=len(DELAYS),
+        retry_delay_seconds=list(DELAYS),
+        retry_condition_fn=_try_again,
+    )
     def do(config: DreamConfig, inputs: Mapping[str, Input]) -> TaskResult:
         done = perform(step, place, config, inputs)
         record = done.record.to_json()
         return Completed(name="Cached", data=record, message="was done already") if done.cached else record
 
     return do
+
+
+def _try_again(task: Any, run: Any, state: State) -> bool:
+    return is_passing(state.data)
 
 
 def fresh(

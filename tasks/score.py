@@ -13,20 +13,21 @@ from dreamfields_core.judging.retrieval import retrieve
 from dreamfields_core.meshing import from_glb, render_mesh
 from dreamfields_core.scene.cameras import camera_rays, poses_at
 from tasks.encoders import load_encoder
-from tasks.pools import caption_pools
+from tasks.pools import caption_pools, read_pool
 from tasks.step import Made, Work
 
 
 def score(work: Work) -> Made:
     """The judge's retrieval, from pictures of the field and of the mesh, in each pool of captions."""
     look, caption = work.config.evaluate, work.text("caption")
-    judge, pools = load_encoder(look.judge), caption_pools(caption, look.pool)
+    among = read_pool(work.read("pool")) if "pool" in work.inputs else []
+    judge, pools = load_encoder(look.judge), caption_pools(caption, look.pool, among)
     with np.load(io.BytesIO(work.read("views")), allow_pickle=False) as seen:
         views, origin = seen["views"], seen["origin"]
     pictures = {"field": views, "mesh": _mesh_views(work, origin, size=views.shape[1])}
     return Made(
         values={
-            what: {name: asdict(retrieve(judge, images, caption, pool)) for name, pool in pools.items()}
+            what: {name: asdict(retrieve(judge, images, pool[0], pool)) for name, pool in pools.items()}
             for what, images in pictures.items()
         }
     )

@@ -1,0 +1,103 @@
+"""What a sweep asks for, and what it refuses before any work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dreamfields_core.config import ConfigError
+from flows.order import OrderError
+from flows.result import dream_key
+from flows.sweep_plan import PLAIN, listed, plan_sweep, seeds_of
+from flows.sweep_record import keep_sweep, members, missing, sweeps
+from flows.tables import TableError, load_table
+from storage.store import open_store
+from tests.tasks.tiny import SETTINGS
+
+
+@pytest.fixture
+def lines(tmp_path: Path) -> str:
+    """Three captions, one of which no embedded model understands."""
+    (tmp_path / "captions.txt").write_text("a red mushroom\nxyzzy\na blue house\n")
+    return str(tmp_path / "captions.txt")
+
+
+def plan(source: str | None, out: Path, **wishes: Any) -> Any:
+    return plan_sweep(source, out=out, settings=SETTINGS, **wishes)
+
+
+def test_captions_times_seeds_times_rows_of_the_table(tmp_path: Path) -> None:
+    rows = [row.name for row in load_table("cameras").rows]
+    found = plan("embedded:3", tmp_path, table="cameras", seeds=(0, 7))
+    wanted = {(row, caption, seed) for row in rows for caption in found.captions.captions for seed in (0, 7)}
+    assert {(cell.variant, cell.caption, cell.seed) for cell in found.cells} == wanted and len(found.cells) == len(wanted)
+    assert len({cell.key for cell in found.cells}) == len(wanted)
+    two = plan("embedded:3", tmp_path, table="cameras", seeds=(0, 7), variants=rows[:2])
+    assert {cell.key for cell in two.cells} < {cell.key for cell in found.cells} and two.name != found.name
+
+
+def test_a_table_brings_its_own_captions_seeds_and_judges(tmp_path: Path) -> None:
+    table, found = load_table("cameras"), plan(None, tmp_path, table="cameras")
+    assert found.captions.captions == table.captions["draft"] and {cell.seed for cell in found.cells} == set(table.seeds["draft"])
+    assert found.judges == tuple(column.judges["draft"] for column in table.columns_at("draft"))
+
+
+def test_the_same_wishes_have_the_same_name_and_others_another(tmp_path: Path) -> None:
+    name = plan("embedded:3", tmp_path).name
+    assert plan("embedded:3", tmp_path / "elsewhere").name == name
+    assert len({name, plan("embedded:4", tmp_path).name, plan("embedded:3", tmp_path, seeds=[1]).name}) == 3
+
+
+def test_a_caption_that_cannot_be_dreamed_is_an_error_of_its_own(lines: str, tmp_path: Path) -> None:
+    found = plan(lines, tmp_path)
+    assert [cell.caption for cell in found.cells if cell.error] == ["xyzzy"]
+    store = open_store(found.store)
+    assert [cell.caption for cell in missing(found, store)] == ["a red mushroom", "a blue house"]
+    keep_sweep(found, store, {found.cells[0].key: "the lamp went out"})
+    (record,) = sweeps(store)
+    kept = members(record)
+    assert [(member.caption, member.variant, member.key is None) for member in kept] == [
+        ("a red mushroom", PLAIN, False),
+        ("xyzzy", PLAIN, True),
+        ("a blue house", PLAIN, False),
+    ]
+    assert kept[0].error == "the lamp went out" and "words" in str(kept[1].error) and kept[2].error is None
+
+
+def test_the_key_tells_captions_judged_in_a_set_of_their_own(lines: str, tmp_path: Path) -> None:
+    among = plan(lines, tmp_path).cells[0]
+    assert among.parameters["among"] == ["a red mushroom.", "xyzzy.", "a blue house."]
+    (tmp_path / "spoken.txt").write_text("a red mushroom\n")
+    alone = plan(str(tmp_path / "spoken.txt"), tmp_path).cells[0]
+    assert alone.parameters["among"] is None and among.key != alone.key == dream_key(alone.order)
+
+
+@pytest.mark.parametrize(
+    ("wishes", "kind", "sentence"),
+    [
+        ({"table": "none"}, TableError, "expected a table among"),
+        ({"table": "cameras", "variants": ["round"]}, OrderError, r'among the rows of cameras \(one viewpoint, .*got "round"'),
+        ({"variants": ["round"]}, OrderError, "add --table"),
+        ({"seeds": [1, 1]}, OrderError, "different seeds"),
+        ({"seeds": [-1]}, ConfigError, "seed"),
+        ({"preset": "hgih"}, ConfigError, "a preset among"),
+        ({"judge": "embedded", "guidance": "klip"}, ValueError, "an image-text model among"),
+        ({"store": "memory://"}, OrderError, "several processes"),
+    ],
+)
+def test_what_concerns_all_refuses_the_whole(wishes: dict, kind: type[Exception], sentence: str, tmp_path: Path) -> None:
+    with pytest.raises(kind, match=sentence):
+        plan("embedded:2", tmp_path, **wishes)
+
+
+def test_no_captions_at_all_says_what_to_write(tmp_path: Path) -> None:
+    with pytest.raises(OrderError, match="dreamfields sweep embedded:12"):
+        plan(None, tmp_path)
+
+
+def test_lists_of_the_command_line() -> None:
+    assert listed("none, clipped gated,,") == ["none", "clipped gated"] and seeds_of("0,1") == [0, 1] and seeds_of("") == []
+    with pytest.raises(OrderError, match="whole numbers"):
+        seeds_of("0,b")
