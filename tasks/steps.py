@@ -21,8 +21,8 @@ class Later:
         return made
 
 
-ENCODE = Step("encode", 1, ("guidance.name",), Later("tasks.encode:encode"))
-"""caption, guide (digest) -> text_embedding.npy [dim]."""
+ENCODE = Step("encode", 1, ("guidance",), Later("tasks.encode:encode"))
+"""caption, guide (digest) -> text_embedding.npy: [dim], or [4, dim] where captions depend on the view."""
 
 OPTIMIZE = Step(
     "optimize",

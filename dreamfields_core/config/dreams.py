@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from dreamfields_core.config.parts import Count, NonNegative, Part, Positive, PositiveShare
 
@@ -26,9 +26,24 @@ class AugmentConfig(Part):
 
 
 class GuidanceConfig(Part):
-    """The image-text model that the field is optimised with."""
+    """The image-text model that the field is optimised with, and what it is told.
+
+    captions: the caption alone (plain), or with the side that each camera sees appended to it (views).
+    templates: wordings with {} where the caption goes; the mean of their embeddings is what pictures are compared with.
+    """
 
     name: Annotated[str, Field(min_length=1)] = "embedded"
+    captions: Literal["plain", "views"] = "plain"
+    templates: Annotated[tuple[str, ...], Field(min_length=1)] = ("{}",)
+
+    @field_validator("templates")
+    @classmethod
+    def hold_the_caption(cls, templates: tuple[str, ...]) -> tuple[str, ...]:
+        """Raises: ValueError."""
+        for template in templates:
+            if "{}" not in template:
+                raise ValueError(f'expected wordings with {{}} where the caption goes, got "{template[:60]}": write "a photo of {{}}"')
+        return templates
 
 
 class LossConfig(Part):

@@ -9,7 +9,12 @@ from dreamfields_core.types import Array
 
 
 def similarity(image_embeddings: Array, text_embedding: Array) -> Array:
-    """Mean cosine of unit vectors [B, dim] with the caption's [dim]; minus this is the paper's L_CLIP (equation 4)."""
+    """Mean cosine of unit vectors [B, dim] with the caption's [dim], or with one each [B, dim].
+
+    Minus this is the paper's L_CLIP (equation 4).
+    """
+    if text_embedding.ndim == 2:
+        return jnp.mean(jnp.sum(image_embeddings * text_embedding, axis=1))
     return jnp.mean(jnp.matmul(image_embeddings, text_embedding, precision=jax.lax.Precision.HIGHEST))
 
 

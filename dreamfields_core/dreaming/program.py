@@ -19,6 +19,7 @@ from dreamfields_core.dreaming.losses import clipped_transmittance, similarity
 from dreamfields_core.dreaming.schedules import learning_rate, target_transmittance
 from dreamfields_core.dreaming.state import DreamState
 from dreamfields_core.fields import build_field
+from dreamfields_core.guidance.views import embedding_at
 from dreamfields_core.rendering.images import on_white
 from dreamfields_core.rendering.occupancy import Occupancy, refresh, unknown_occupancy
 from dreamfields_core.rendering.render import Tally, render_rays
@@ -32,8 +33,8 @@ Metrics = dict[str, Array]
 class DreamProgram:
     """The compiled step for one configuration and one guidance model.
 
-    `start` gives the state before the first step; `step` takes (state, text_embedding [dim]) to (state, metrics), without
-    waiting for the device; `preview` renders a small picture.
+    `start` gives the state before the first step; `step` takes (state, text_embedding) to (state, metrics), without waiting for
+    the device; `preview` renders a small picture. text_embedding: [dim], or [4, dim] for the views of guidance/views.py.
     """
 
     def __init__(self, config: DreamConfig, encoder: Encoder) -> None:
@@ -116,7 +117,7 @@ class DreamProgram:
         """L_CLIP + lambda L_T (paper equation 6) + the field's own penalty."""
         config = self.config
         copies = augmented_copies(key, views, augment=config.augment, crop=config.render.crop)
-        score = similarity(self._encoder.encode_image(encoder_params, copies), text_embedding)
+        score = similarity(self._encoder.encode_image(encoder_params, copies), self._goal(text_embedding, pose))
         target = target_transmittance(step, pose, config.loss)
         loss = -score + config.loss.transmittance * clipped_transmittance(views.transmittance, target) + self.field.penalty(prepared)
         metrics = {
@@ -126,6 +127,12 @@ class DreamProgram:
             "evaluated": tally.evaluated / tally.possible,
         }
         return loss, (metrics, tally)
+
+    def _goal(self, text_embedding: Array, pose: Pose) -> Array:
+        """What the copies are compared with: the caption's [dim], or [V * copies, dim] by the side that each one's camera sees."""
+        if text_embedding.ndim == 1:
+            return text_embedding
+        return jnp.repeat(embedding_at(text_embedding, pose.azimuth, pose.elevation), self.config.augment.copies, axis=0)
 
     def _render(self, key: Array | None, prepared: Params, pose: Pose, origin: Array, occupancy: Occupancy) -> tuple[Rendering, Tally]:
         """Views of shape [V, size, size]."""

@@ -17,6 +17,9 @@ from dreamfields_core.types import Array, Encoder
 VIEWS = ("front view", "side view", "back view", "overhead view")
 OVERHEAD = np.deg2rad(60.0)
 """Elevation above which a camera looks from overhead."""
+FRONT = -np.pi / 2
+"""Azimuth from which the front is seen, radians: it looks along Y, as modelling programs have it, and the exported file then faces
+its own front (glTF 2.0, section 3.4: +Z with Y up)."""
 
 PLAIN = ("{}",)
 TEMPLATES = ("{}", "a photo of {}", "a 3D render of {}", "a close-up photo of {}", "{}, centered, on a plain background")
@@ -29,7 +32,7 @@ def view_captions(caption: str) -> tuple[str, ...]:
 
 
 def caption_embedding(encoder: Encoder, caption: str, *, templates: Sequence[str] = PLAIN) -> Array:
-    """The mean of the wordings' unit vectors, at length 1: [dim].
+    """The mean of the wordings' unit vectors, at length 1: [dim]; of a single wording, that vector itself.
 
     Raises:
       ValueError: no templates, or one without {}.
@@ -47,11 +50,13 @@ def _means(encoder: Encoder, captions: Sequence[str], templates: Sequence[str]) 
         raise ValueError(f'expected templates that say with {{}} where the caption goes, got {list(templates)}: write "a photo of {{}}"')
     wordings = [template.replace("{}", caption) for caption in captions for template in templates]
     vectors = jax.jit(encoder.encode_text)(encoder.params, jnp.asarray(encoder.tokenize(wordings)))
+    if len(templates) == 1:
+        return vectors
     means = jnp.mean(vectors.reshape(len(captions), len(templates), -1), axis=1)
     return means / jnp.linalg.norm(means, axis=1, keepdims=True)
 
 
-def view_index(azimuth: Array, elevation: Array, *, front: float = 0.0) -> Array:
+def view_index(azimuth: Array, elevation: Array, *, front: float = FRONT) -> Array:
     """Which of VIEWS each camera has, int [V]: a quarter turn each for front and back, the two quarters between for the side.
 
     Args:
@@ -63,7 +68,7 @@ def view_index(azimuth: Array, elevation: Array, *, front: float = 0.0) -> Array
     return jnp.where(elevation > OVERHEAD, 3, around)
 
 
-def embedding_at(embeddings: Array, azimuth: Array, elevation: Array, *, front: float = 0.0) -> Array:
+def embedding_at(embeddings: Array, azimuth: Array, elevation: Array, *, front: float = FRONT) -> Array:
     """The unit vector for each camera, [V, dim], of those in `view_embeddings` [4, dim]; a single [dim] serves every camera."""
     if embeddings.ndim == 1:
         return jnp.broadcast_to(embeddings, (*azimuth.shape, embeddings.shape[-1]))

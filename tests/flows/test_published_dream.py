@@ -17,10 +17,12 @@ def test_a_dream_goes_the_whole_way_under_published_models(dreams: Dreams, tmp_p
     guide = str(small_clip.write(tmp_path / "guide"))
     judge = str(small_clip.write(tmp_path / "judge", image_size=48))
     names = ("--guidance", guide, "--judge", f"{judge}+embedded-judge*0.5")
-    text, result, folder = dreams.dream(*names, "--set", "optim.steps=3", caption="a bust of marble, xyzzy")
+    settings = ("--set", "optim.steps=3", "--set", "guidance.captions=views", "--set", 'guidance.templates=["{}","a photo of {}"]')
+    text, result, folder = dreams.dream(*names, *settings, caption="a bust of marble, xyzzy")
     assert "does not know" not in text and result["unknown_words"] == []
     assert result["encoders"]["guidance"] == {"name": guide, "digest": card(guide).digest}
     assert result["encoders"]["same_model"] is False
+    assert result["config"]["guidance"]["captions"] == "views"
     assert -1 <= result["scores"][names[-1]]["cosine"] <= 1
     assert (folder / "mesh.glb").stat().st_size > 0
 
