@@ -238,3 +238,8 @@ def ranks(cosines: np.ndarray) -> list[int]:
 def slope(function: Callable[[np.ndarray], float], at: np.ndarray, toward: np.ndarray, step: float = 1e-6) -> float:
     """Directional derivative by central differences; error about step^2, and 1e-16 / step from rounding."""
     return (function(at + step * toward) - function(at - step * toward)) / (2.0 * step)
+
+
+def medium_transmittance(chord: np.ndarray, sigma: float) -> np.ndarray:
+    """exp(-sigma chord) of chords [R] through one homogeneous medium; 1 where there is no chord, however dense it is."""
+    return np.array([math.exp(-min(float(length) * sigma, 1e6)) if length > 0.0 else 1.0 for length in chord])

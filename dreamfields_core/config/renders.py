@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -20,6 +20,8 @@ class SkipConfig(Part):
     threshold: a cell counts as empty below this optical depth a step length.
     explore: share of the samples in empty cells that is evaluated all the same, weighted up so that expectations hold.
     terminate: transmittance below which nothing further along the ray is evaluated.
+    refine: fine steps in a coarse one, in pictures of a finished field; only steps that a first, coarse pass finds worth it are fine.
+    1 takes every step fine at once.
     chunk: samples evaluated at once; bounds the memory, not the result.
     """
 
@@ -31,6 +33,7 @@ class SkipConfig(Part):
     threshold: NonNegative = 1e-3
     explore: PositiveShare = 0.02
     terminate: Share = 1e-4
+    refine: Count = 1
     chunk: Count = 16384
 
 
@@ -39,11 +42,16 @@ class RenderConfig(Part):
 
     size: side in pixels. crop: side of the random crop that the encoder sees, at most size.
     samples: how many step lengths fit along the cube's diagonal.
+    products: factors of the field's large matrix products while it is optimised; "auto" takes bfloat16 where the device is faster
+    for it (GPU, TPU) and float32 elsewhere. Everything else is float32 always.
+    devices: how many share the rays of a step; null takes all of this machine if their number divides that of the rays, else one.
     """
 
     size: Count = 168
     crop: Count = 154
     samples: Count = 192
+    products: Literal["auto", "float32", "bfloat16"] = "auto"
+    devices: Count | None = None
     skip: SkipConfig = SkipConfig()
 
     @model_validator(mode="after")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
+from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array
 
 REACH = 7
@@ -16,6 +17,7 @@ def blur_matrix(size: int, deviation: Array) -> Array:
 
     The identity for deviation 0: guarded before the division, so that the gradient is finite too.
     """
+    deviation = in_float32(deviation)
     distance = jnp.abs(jnp.arange(size)[:, None] - jnp.arange(size)[None, :])
     blurred = deviation > 1e-3
     weights = jnp.exp(-0.5 * (distance / jnp.where(blurred, deviation, 1.0)) ** 2)
@@ -26,5 +28,6 @@ def blur_matrix(size: int, deviation: Array) -> Array:
 
 def gaussian_blur(picture: Array, deviation: Array) -> Array:
     """Rows, then columns. deviation: [] pixels, >= 0."""
+    picture = in_float32(picture)
     rows, columns = blur_matrix(picture.shape[0], deviation), blur_matrix(picture.shape[1], deviation)
     return jnp.einsum("hi,wj,ijc->hwc", rows, columns, picture, precision=jax.lax.Precision.HIGHEST)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
+from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array, Rendering
 
 OPAQUE = 1e4
@@ -20,6 +21,7 @@ SMALLEST_OPACITY = 1e-6
 
 def optical_depths(density: Array, length: Array) -> Array:
     """tau = density x length [...], in [0, OPAQUE]; 0 where the length is 0, however large the density."""
+    density, length = in_float32((density, length))
     # Finite before the product: infinity times the zero gradient of the cut would be NaN.
     density = jnp.minimum(jnp.where(length > 0, density, 0.0), jnp.finfo(density.dtype).max)
     return jnp.minimum(density * length, OPAQUE)
@@ -27,12 +29,14 @@ def optical_depths(density: Array, length: Array) -> Array:
 
 def transmittance_before(depths: Array) -> Array:
     """T_i = exp(-sum of tau_j over j < i) along the last axis; [..., S], the first one 1."""
+    depths = in_float32(depths)
     summed = jnp.cumsum(depths[..., :-1], axis=-1)
     return jnp.exp(-jnp.concatenate([jnp.zeros_like(depths[..., :1]), summed], axis=-1))
 
 
 def weights_of(depths: Array) -> Array:
     """w_i = T_i (1 - exp(-tau_i)), paper equation 2; [..., S], in [0, 1], their sum at most 1."""
+    depths = in_float32(depths)
     return transmittance_before(depths) * -jnp.expm1(-depths)
 
 
@@ -47,6 +51,7 @@ def composite(depths: Array, colors: Array, distances: Array) -> Rendering:
     Returns:
       Rendering of shape [...]; colour premultiplied, depth divided by opacity.
     """
+    depths, colors, distances = in_float32((depths, colors, distances))
     weights = weights_of(depths)
     opacity = jnp.sum(weights, axis=-1)
     return Rendering(

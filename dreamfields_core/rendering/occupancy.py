@@ -11,7 +11,11 @@ import jax
 import jax.numpy as jnp
 
 from dreamfields_core.fields.contract import Field, points_as_gaussians
+from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array, Params
+
+DENSEST = 1e6
+"""What is denser is remembered as this: opaque at any step, and forgotten in as many refreshes as it takes to fade by this much."""
 
 
 @flax.struct.dataclass
@@ -37,14 +41,18 @@ def refresh(key: Array, occupancy: Occupancy, field: Field, prepared: Params, or
     corners = jnp.stack(jnp.meshgrid(*(jnp.arange(side),) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     place = (corners + jax.random.uniform(key, corners.shape)) * (2.0 * bound / side) - bound
     raw, _ = field.apply(prepared, points_as_gaussians(origin[None, :] + place))
-    found = field.density(raw).reshape((side,) * 3)
+    found = field.density(in_float32(raw)).reshape((side,) * 3)
+    # Not a number, once remembered, would stay: the larger of it and anything is itself, and no comparison calls it occupied.
+    # A field in that state is kept in sight, so that the step that mends it or gives it up sees it.
+    found = jnp.where(found < DENSEST, found, DENSEST)
     return Occupancy(density=jnp.maximum(decay * occupancy.density, found), known=jnp.ones((), bool))
 
 
 def cell_index(points: Array, origin: Array, *, bound: float, resolution: int) -> Array:
     """Flat index [...] of the cell that each point [..., 3] lies in; points outside take the nearest cell."""
-    cell = jnp.floor((points - jnp.broadcast_to(origin, points.shape) + bound) * (resolution / (2.0 * bound))).astype(jnp.int32)
-    cell = jnp.clip(cell, 0, resolution - 1)
+    cell = jnp.floor((points - jnp.broadcast_to(origin, points.shape) + bound) * (resolution / (2.0 * bound)))
+    # Clipped before the conversion: what a float beyond the integers becomes is not defined.
+    cell = jnp.clip(cell, 0, resolution - 1).astype(jnp.int32)
     return (cell[..., 0] * resolution + cell[..., 1]) * resolution + cell[..., 2]
 
 

@@ -15,10 +15,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array, Gaussians, Params
 
 Apply = Callable[[Params, Gaussians], tuple[Array, Array]]
 GaussiansAt = Callable[[Any, Array], Gaussians]
+
+MOST = 2**31 - 1
+"""Samples are numbered in int32."""
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0, 1, 2))
@@ -36,8 +40,13 @@ def evaluate_packed(
       mask: [N] bool.
 
     Returns:
-      raw [N] and color [N, 3]; zeros where the mask is False.
+      raw [N] and color [N, 3], float32 whatever the field computes in; zeros where the mask is False.
+
+    Raises:
+      ValueError: more samples than can be numbered.
     """
+    if mask.size > MOST:
+        raise ValueError(f"expected at most {MOST} samples at once, got {mask.size}: render fewer rays at a time, or fewer samples a ray")
     return _forward(apply, gaussians_at, chunk, prepared, samples, mask)[0]
 
 
@@ -52,7 +61,7 @@ def _forward(
     def body(begin: Array, packed: Array) -> Array:
         index, _ = _kept(counts, begin, chunk)
         raw, color = apply(prepared, gaussians_at(samples, index))
-        rows = jnp.concatenate([raw[:, None], color], axis=-1)
+        rows = jnp.concatenate(in_float32([raw[:, None], color]), axis=-1)
         return jax.lax.dynamic_update_slice(packed, rows, (begin, 0))
 
     packed = _over_chunks(counts, chunk, body, jnp.zeros((capacity, 4)))
@@ -63,17 +72,19 @@ def _forward(
 def _backward(apply: Apply, gaussians_at: GaussiansAt, chunk: int, saved: Any, gradient: tuple[Array, Array]) -> tuple[Params, Any, Any]:
     prepared, samples, mask, counts = saved
     raw_gradient, color_gradient = gradient
-    nothing = jax.tree.map(jnp.zeros_like, prepared)
+    # Added up in float32: in half precision a sum of many chunks stops growing once a chunk is a thousandth of it.
+    nothing = jax.tree.map(lambda leaf: in_float32(jnp.zeros_like(leaf)), prepared)
 
     def body(begin: Array, total: Params) -> Params:
         index, kept = _kept(counts, begin, chunk)
         gaussians = gaussians_at(samples, index)
-        _, pull = jax.vjp(lambda values: apply(values, gaussians), prepared)
-        raw = jnp.where(kept, raw_gradient[index], 0.0)
-        color = jnp.where(kept[:, None], color_gradient[index], 0.0)
-        return jax.tree.map(jnp.add, total, pull((raw, color))[0])
+        (raw_here, color_here), pull = jax.vjp(lambda values: apply(values, gaussians), prepared)
+        raw = jnp.where(kept, raw_gradient[index], 0.0).astype(raw_here.dtype)
+        color = jnp.where(kept[:, None], color_gradient[index], 0.0).astype(color_here.dtype)
+        return jax.tree.map(jnp.add, total, in_float32(pull((raw, color))[0]))
 
     total = _over_chunks(counts, chunk, body, nothing) if mask.size else nothing
+    total = jax.tree.map(lambda summed, leaf: summed.astype(leaf.dtype), total, prepared)
     return total, jax.tree.map(_no_gradient, samples), _no_gradient(mask)
 
 

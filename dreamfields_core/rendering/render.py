@@ -12,6 +12,7 @@ from dreamfields_core.rendering.compositing import composite, optical_depths
 from dreamfields_core.rendering.occupancy import Occupancy
 from dreamfields_core.rendering.packing import evaluate_packed
 from dreamfields_core.rendering.sampling import gaussians_at, place_samples
+from dreamfields_core.rendering.shares import Share
 from dreamfields_core.rendering.skipping import choose_samples
 from dreamfields_core.types import Array, Params, Rays, Rendering
 
@@ -41,6 +42,7 @@ def render_rays(
     samples: int,
     bound: float,
     skip: SkipConfig,
+    share: Share | None = None,
 ) -> tuple[Rendering, Tally]:
     """Render rays of shape [R]; differentiable in `prepared`.
 
@@ -48,13 +50,14 @@ def render_rays(
       key: jitters the samples and explores empty cells; None renders the same picture every time.
       origin: [3] centre of the cube outside of which density is zero.
       samples: steps along the cube's diagonal.
+      share: which rays of a picture these are, where others are rendered elsewhere; None means all.
 
     Returns:
       Rendering of shape [R], and a Tally (which carries no gradient).
     """
     jitter_key, explore_key = (None, None) if key is None else jax.random.split(key)
-    placed = place_samples(jitter_key, rays, origin, bound=bound, count=samples)
-    kept, weight = choose_samples(explore_key, placed, origin, occupancy, bound=bound, skip=skip)
+    placed = place_samples(jitter_key, rays, origin, bound=bound, count=samples, share=share)
+    kept, weight = choose_samples(explore_key, placed, origin, occupancy, bound=bound, skip=skip, share=share)
     raw, colors = evaluate_packed(field.apply, gaussians_at, skip.chunk, prepared, placed, kept.reshape(-1))
     length = jnp.where(kept, placed.length * weight, 0.0)
     depths = optical_depths(field.density(raw).reshape(kept.shape), length)

@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 
 import flax.struct
-import jax
 import jax.numpy as jnp
 
+from dreamfields_core.precision import in_float32
+from dreamfields_core.rendering.shares import Share, uniform
 from dreamfields_core.scene.cube import ray_cube
 from dreamfields_core.types import Array, Gaussians, Rays
 
@@ -40,20 +41,22 @@ class Samples:
         return self.rays.origins[:, None] + self.distances()[..., None] * self.rays.directions[:, None]
 
 
-def place_samples(key: Array | None, rays: Rays, origin: Array, *, bound: float, count: int) -> Samples:
+def place_samples(key: Array | None, rays: Rays, origin: Array, *, bound: float, count: int, share: Share | None = None) -> Samples:
     """Samples at even steps through the cube about `origin` [3], jittered within their steps if a key is given.
 
     Args:
       key: None for samples in the middle of their steps.
       rays: shape [R].
       count: S, steps along the cube's diagonal.
+      share: which rays of a picture these are; None means all.
     """
+    rays, origin = in_float32((rays, origin))
     near, far = ray_cube(rays, origin, bound=bound)
     step = jnp.float32(step_length(bound=bound, count=count))
     begin = jnp.arange(count) * step
     length = jnp.clip((far - near)[:, None] - begin[None, :], 0.0, step)
     shape = (near.shape[0], count)
-    shift = jnp.full(shape, 0.5) if key is None else jax.random.uniform(key, shape)
+    shift = jnp.full(shape, 0.5) if key is None else uniform(key, shape, share)
     # The last piece of a chord is shorter than a step: its sample stays inside it.
     return Samples(rays=rays, near=near, shift=shift * (length / step), length=length, step=step)
 

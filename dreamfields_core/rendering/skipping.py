@@ -8,23 +8,31 @@ from __future__ import annotations
 
 import math
 
-import jax
 import jax.numpy as jnp
 
 from dreamfields_core.config import SkipConfig
-from dreamfields_core.rendering.occupancy import Occupancy, cell_index, inner_density, occupied_cells
+from dreamfields_core.rendering.occupancy import DENSEST, Occupancy, cell_index, inner_density, occupied_cells
 from dreamfields_core.rendering.sampling import Samples
+from dreamfields_core.rendering.shares import Share, uniform
 from dreamfields_core.types import Array
 
 
 def choose_samples(
-    key: Array | None, samples: Samples, origin: Array, occupancy: Occupancy, *, bound: float, skip: SkipConfig
+    key: Array | None,
+    samples: Samples,
+    origin: Array,
+    occupancy: Occupancy,
+    *,
+    bound: float,
+    skip: SkipConfig,
+    share: Share | None = None,
 ) -> tuple[Array, Array]:
     """What to evaluate.
 
     Args:
       key: None leaves empty cells out altogether, for pictures that nothing is learned from.
       samples: [R, S].
+      share: which rays of a picture these are; None means all.
 
     Returns:
       kept: [R, S] bool. weight: [R, S], by which a kept sample's optical depth is multiplied.
@@ -38,7 +46,7 @@ def choose_samples(
     kept = filled & ~_hidden(samples, inner_density(occupancy).reshape(-1)[cell], terminate=skip.terminate)
     weight = jnp.ones(samples.length.shape)
     if key is not None:
-        explored = ~filled & (jax.random.uniform(key, filled.shape) < skip.explore)
+        explored = ~filled & (uniform(key, samples.length.shape, share) < skip.explore)
         kept = kept | explored
         weight = jnp.where(explored, 1.0 / skip.explore, weight)
     return kept & inside, weight
@@ -52,6 +60,6 @@ def _hidden(samples: Samples, density: Array, *, terminate: float) -> Array:
     """
     if terminate <= 0:
         return jnp.zeros(samples.length.shape, bool)
-    believed = 0.5 * jnp.minimum(density, 1e6) * samples.length
+    believed = 0.5 * jnp.minimum(density, DENSEST) * samples.length
     before = jnp.cumsum(believed, axis=-1) - believed
     return before > -math.log(terminate)

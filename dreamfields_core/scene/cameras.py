@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from dreamfields_core.config import CameraConfig, Range
+from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array, Rays
 
 FOCAL_UNIT = 1111.1111 / 800
@@ -68,6 +69,7 @@ def camera_rays(pose: Pose, origin: Array, *, size: int) -> Rays:
     Returns:
       Rays of shape [..., size, size], row 0 at the top.
     """
+    pose, origin = in_float32((pose, origin))
     right, up, forward = camera_axes(pose)
     centers = (jnp.arange(size, dtype=jnp.float32) + 0.5) / size - 0.5
     down, across = jnp.meshgrid(centers, centers, indexing="ij")

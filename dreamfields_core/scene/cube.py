@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
+from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array, Rays
 
 PARALLEL = 1e-12
@@ -16,6 +17,7 @@ def ray_cube(rays: Rays, origin: Array, *, bound: float) -> tuple[Array, Array]:
     Returns:
       near, far: [...] each, 0 <= near <= far; near = far = 0 where the ray misses the cube or it lies behind.
     """
+    rays, origin = in_float32((rays, origin))
     start = rays.origins - jnp.broadcast_to(origin, rays.origins.shape)
     parallel = jnp.abs(rays.directions) < PARALLEL
     # where before the division: a zero component would make 0 * inf on the slab, and NaN in the gradient even when unused.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
+from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array
 
 SMALLEST_MASS = 1e-6
@@ -22,6 +23,7 @@ def track_origin(origin: Array, mass: Array, moment: Array, *, decay: float) -> 
     Returns:
       [3]; the old origin where the scene is empty.
     """
+    origin, mass, moment = in_float32((origin, mass, moment))
     filled = mass > SMALLEST_MASS
     center = moment / jnp.where(filled, mass, 1.0)
     return jnp.where(filled, decay * origin + (1.0 - decay) * center, origin)
