@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,14 @@ from typing import Any
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser", "google-chrome", "chrome") if (found := shutil.which(name))), None)
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--hide-scrollbars", "--disable-component-update")
+LAUNCH = """
+import fcntl, os, sys
+ends = [fcntl.fcntl(int(end), fcntl.F_DUPFD, 10) for end in sys.argv[1:3]]
+for end, number in zip(ends, (3, 4)):
+    os.dup2(end, number)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
+"""The protocol's pipe has fixed numbers: the browser reads from 3 and writes to 4."""
 PATIENCE = 60.0
 """Seconds for anything it is asked."""
 
@@ -28,9 +37,8 @@ class Browser:
         self._asked, self._session, self._rest = 0, "", b""
         to_read, self._write = os.pipe()
         self._read, to_write = os.pipe()
-        # The protocol's pipe has fixed numbers: the browser reads from 3 and writes to 4.
-        line = f'exec "$@" 3<&{to_read} 4>&{to_write}'
-        command = ["sh", "-c", line, "sh", CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "--remote-debugging-pipe"]
+        launch = [sys.executable, "-c", LAUNCH, str(to_read), str(to_write), CHROMIUM]
+        command = [*launch, *FLAGS, f"--user-data-dir={profile}", "--remote-debugging-pipe"]
         self._process = subprocess.Popen(command, pass_fds=(to_read, to_write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(to_read)
         os.close(to_write)
