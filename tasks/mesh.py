@@ -1,8 +1,10 @@
-"""field -> mesh: a clean, light, coloured surface whose level agrees with what the renderer saw."""
+"""field -> mesh: a clean, light, textured surface whose level agrees with what the renderer saw, and how faithful it is."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +12,7 @@ import numpy as np
 
 from dreamfields_core.config import EvaluateConfig
 from dreamfields_core.fields.contract import points_as_gaussians
-from dreamfields_core.meshing import Views, extract_mesh, to_glb
+from dreamfields_core.meshing import Asset, Look, Seen, extract_mesh, fidelity, from_glb, to_glb
 from dreamfields_core.scene.cameras import camera_rays, poses_at
 from tasks.finished_field import FinishedField, unpack_field, view_by
 from tasks.step import Made, Work
@@ -20,38 +22,71 @@ ELEVATION = 30.0
 SIZE = 96
 """Of the views whose silhouettes choose the level; pixels."""
 
+HELD_OUT_SIZE = 160
+"""Of the views that the mesh is compared with its field in; pixels."""
+
 
 def mesh(work: Work) -> Made:
-    """The surface as GLB, and its counts. Raises: MeshError."""
-    dream, wanted = unpack_field(work.read("field")), work.config.mesh
+    """The surface as GLB, lighter ones beside it, their counts, and the distance from the field. Raises: MeshError."""
+    dream, look = unpack_field(work.read("field")), work.config.evaluate
+    asset = _extract(work, dream)
+    provenance = {"generator": "dreamfields", "caption": work.text("caption"), "field": work.digest("field"), "step": work.key}
+    files = {file_name(k): to_glb(made, provenance) for k, made in enumerate((asset.mesh, *asset.details))}
+    seen = _seen(dream, look, look.azimuths, look.elevation, HELD_OUT_SIZE)
+    # What is judged is what the files hold.
+    faithful = [asdict(fidelity(from_glb(data), seen)) for data in files.values()]
+    return Made(tuple(work.keep(name, data, "model/gltf-binary") for name, data in files.items()), _values(asset, faithful))
+
+
+def file_name(level: int) -> str:
+    """mesh.glb, and mesh_lod1.glb, mesh_lod2.glb ... for the lighter ones."""
+    return f"mesh_lod{level}.glb" if level else "mesh.glb"
+
+
+def _values(asset: Asset, faithful: list[dict[str, Any]]) -> dict[str, Any]:
+    main, *lighter = faithful
+    return {
+        "level": asset.level,
+        "agreement": asset.agreement,
+        "mesh": asdict(asset.report),
+        "fidelity": main,
+        "details": [{"mesh": asdict(counts), "fidelity": told} for counts, told in zip(asset.detail_reports, lighter, strict=True)],
+        "extracted": asdict(asset.extracted),
+        "points_asked": asset.asked,
+    }
+
+
+def _extract(work: Work, dream: FinishedField) -> Asset:
+    wanted = work.config.mesh
     prepared = jax.jit(dream.field.prepare)(dream.params)
-    ask = jax.jit(lambda points: dream.field.apply(prepared, points_as_gaussians(points)))
-    asset = extract_mesh(
-        lambda points: np.asarray(ask(jnp.asarray(points, jnp.float32))[0]),
-        lambda points: np.asarray(ask(jnp.asarray(points, jnp.float32))[1]),
+    # Two programs: what one of them does not give it need not compute.
+    raw = jax.jit(lambda points: dream.field.apply(prepared, points_as_gaussians(points))[0])
+    color = jax.jit(lambda points: dream.field.apply(prepared, points_as_gaussians(points))[1])
+    return extract_mesh(
+        lambda points: np.asarray(raw(jnp.asarray(points, jnp.float32))),
+        lambda points: np.asarray(color(jnp.asarray(points, jnp.float32))),
         level=None if wanted.level is None else dream.field.raw(wanted.level),
-        views=_silhouettes(dream, work.config.evaluate) if wanted.level is None else None,
+        views=_seen(dream, work.config.evaluate, AZIMUTHS, ELEVATION, SIZE) if wanted.level is None else None,
         origin=np.asarray(dream.origin),
         bound=dream.config.scene.bound,
         resolution=wanted.resolution,
         faces=wanted.faces,
-    )
-    provenance = {"generator": "dreamfields", "caption": work.text("caption"), "field": work.digest("field"), "step": work.key}
-    return Made(
-        (work.keep("mesh.glb", to_glb(asset.mesh, provenance), "model/gltf-binary"),),
-        {
-            "level": asset.level,
-            "agreement": asset.agreement,
-            "mesh": asdict(asset.report),
-            "extracted": asdict(asset.extracted),
-            "points_asked": asset.asked,
-        },
+        details=wanted.details,
+        error=wanted.error,
+        smooth=wanted.smooth,
+        look=Look(
+            texture=wanted.texture,
+            normal_map=wanted.normal_map,
+            samples=wanted.color_samples,
+            density=lambda values: np.asarray(dream.field.density(jnp.asarray(values))),
+        ),
     )
 
 
-def _silhouettes(dream: FinishedField, look: EvaluateConfig) -> Views:
-    """What the renderer sees as opaque, from all around."""
-    poses = poses_at(AZIMUTHS, ELEVATION, radius=look.radius, focal=look.focal)
-    seen = view_by(dream, samples=look.samples)(poses, SIZE)
-    rays = jax.device_get(camera_rays(poses, dream.origin, size=SIZE))
-    return Views(rays.origins, rays.directions, 1.0 - np.asarray(seen.transmittance))
+def _seen(dream: FinishedField, look: EvaluateConfig, azimuths: Sequence[float], elevation: float, size: int) -> Seen:
+    """What the renderer sees from there."""
+    poses = poses_at(azimuths, elevation, radius=look.radius, focal=look.focal)
+    views = view_by(dream, samples=look.samples)(poses, size)
+    rays = jax.device_get(camera_rays(poses, dream.origin, size=size))
+    opacity = 1.0 - np.asarray(views.transmittance)
+    return Seen(rays.origins, rays.directions, opacity, np.asarray(views.color), np.asarray(views.depth))

@@ -48,8 +48,14 @@ RENDER = Step(
 )
 """field, caption, size (pixels that the judge sees) -> views.npz, contact_sheet.png, turntable.mp4, turntable.webp."""
 
-MESH = Step("mesh", 1, ("mesh", "evaluate.radius", "evaluate.focal", "evaluate.samples"), Later("tasks.mesh:mesh"))
-"""field, caption -> mesh.glb; values: counts before and after simplification, level, agreement with the silhouettes."""
+MESH = Step(
+    "mesh",
+    2,
+    ("mesh", "evaluate.azimuths", "evaluate.elevation", "evaluate.radius", "evaluate.focal", "evaluate.samples"),
+    Later("tasks.mesh:mesh"),
+)
+"""field, caption -> mesh.glb, mesh_lod1.glb ...; values: counts before and after simplification, level, agreement with the silhouettes,
+fidelity to the field from held-out cameras."""
 
 SCORE = Step("score", 1, ("evaluate",), Later("tasks.score:score"))
 """views, mesh, caption, judge (digest) -> values: for field and mesh, for each pool of captions, what the judge retrieves."""

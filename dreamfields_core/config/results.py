@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from dreamfields_core.config.parts import Count, Finite, Part, Positive
 
@@ -29,9 +30,28 @@ class EvaluateConfig(Part):
 
 
 class MeshConfig(Part):
-    """resolution: cells a side of the finest lattice. faces: budget after simplification. level: density of the surface;
-    None chooses the one whose silhouettes agree best with the field's opacity."""
+    """resolution: cells a side of the finest lattice. level: density of the surface; None chooses the one whose silhouettes agree best
+    with the field's opacity. faces: budget after simplification. error: world units; given, fewer faces still, as long as the surface moves
+    no further. details: budgets of lighter meshes beside it, falling. smooth: rounds of smoothing before.
+    texture: texels a side, None for colours at vertices only. normal_map: baked beside the colours. color_samples: of the field on the
+    way into the object that make one colour, weighed as the renderer does; 1 takes the colour just below the surface.
+    """
 
     resolution: Annotated[int, Field(ge=16, le=1024)] = 128
-    faces: Annotated[int, Field(ge=4)] = 20_000
     level: Positive | None = None
+    faces: Annotated[int, Field(ge=4)] = 20_000
+    error: Positive | None = None
+    details: tuple[Annotated[int, Field(ge=4)], ...] = ()
+    smooth: Annotated[int, Field(ge=0, le=100)] = 0
+    texture: Annotated[int, Field(ge=256, le=4096)] | None = 1024
+    normal_map: bool = False
+    color_samples: Annotated[int, Field(ge=1, le=64)] = 1
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> MeshConfig:
+        budgets = (self.faces, *self.details)
+        if any(later >= earlier for earlier, later in pairwise(budgets)):
+            raise ValueError(f"expected details that fall from mesh.faces, got {list(budgets)}: give each level fewer faces")
+        if self.normal_map and self.texture is None:
+            raise ValueError("expected a texture beside the normal map, got none: set mesh.texture=1024 or mesh.normal_map=false")
+        return self

@@ -3,7 +3,7 @@
 World space is right-handed with Z up, faces wind counter-clockwise seen from outside, colours are display values in [0, 1].
 """
 
-from dreamfields_core.meshing.asset import Asset, extract_mesh
+from dreamfields_core.meshing.asset import Asset, Look, extract_mesh
 from dreamfields_core.meshing.color import colors_from, vertex_normals, with_colors
 from dreamfields_core.meshing.errors import (
     BadBudget,
@@ -17,13 +17,15 @@ from dreamfields_core.meshing.errors import (
     SilhouetteEmpty,
 )
 from dreamfields_core.meshing.export import FORMATS
+from dreamfields_core.meshing.fidelity import Fidelity, Seen, fidelity
 from dreamfields_core.meshing.glb import to_glb
 from dreamfields_core.meshing.glb_reader import from_glb, provenance_of
 from dreamfields_core.meshing.isosurface import isosurface
 from dreamfields_core.meshing.level import Level, Views, choose_level
+from dreamfields_core.meshing.pieces import weld
 from dreamfields_core.meshing.raycast import MeshRendering, cast, render_mesh, silhouette
 from dreamfields_core.meshing.report import MeshReport, report
-from dreamfields_core.meshing.simplify import simplify
+from dreamfields_core.meshing.simplify import simplify, simplify_levels
 
 __all__ = [
     "FORMATS",
@@ -31,20 +33,24 @@ __all__ = [
     "BadBudget",
     "BadMesh",
     "BadResolution",
+    "Fidelity",
     "FieldEmpty",
     "FieldFull",
     "FieldNotFinite",
     "Level",
+    "Look",
     "MeshCleaningFailed",
     "MeshError",
     "MeshRendering",
     "MeshReport",
+    "Seen",
     "SilhouetteEmpty",
     "Views",
     "cast",
     "choose_level",
     "colors_from",
     "extract_mesh",
+    "fidelity",
     "from_glb",
     "isosurface",
     "provenance_of",
@@ -52,7 +58,9 @@ __all__ = [
     "report",
     "silhouette",
     "simplify",
+    "simplify_levels",
     "to_glb",
     "vertex_normals",
+    "weld",
     "with_colors",
 ]

@@ -48,6 +48,12 @@ def compact(mesh: Mesh, keep: np.ndarray) -> Mesh:
     return Mesh(vertices=mesh.vertices[used], faces=faces.reshape(-1, 3).astype(np.int32), colors=colors)
 
 
+def weld(mesh: Mesh) -> Mesh:
+    """Vertices at the same place become one: undoes the seams of a texture. Only the shape is kept."""
+    vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    return Mesh(vertices=vertices, faces=index.reshape(-1)[mesh.faces].astype(np.int32))
+
+
 def volume(mesh: Mesh) -> float:
     """The sum of signed tetrahedra from the mean vertex (Zhang and Chen, ICIP 2001), in float64."""
     return float(tetrahedra(mesh).sum())

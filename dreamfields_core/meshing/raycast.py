@@ -8,6 +8,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
+from dreamfields_core.meshing.texels import texel
 from dreamfields_core.types import Mesh
 
 
@@ -65,14 +66,31 @@ def silhouette(mesh: Mesh, origins: np.ndarray, directions: np.ndarray) -> np.nd
 
 
 def render_mesh(mesh: Mesh, origins: np.ndarray, directions: np.ndarray, *, light: np.ndarray | None = None) -> MeshRendering:
-    """The mesh's own vertex colours (grey when it has none) along rays [..., 3], unlit as the field is.
+    """The mesh's own texture, else its vertex colours, else grey, along rays [..., 3], unlit as the field is.
 
-    light: [3] towards a lamp; given, faces are shaded by it, which shows the shape.
+    light: [3] towards a lamp; given, the surface is shaded by it, which shows the shape: by the mesh's own normals where it has some.
     """
     hits = cast(mesh, origins, directions)
-    colors = np.full((len(mesh.vertices), 3), 0.75) if mesh.colors is None else mesh.colors
-    color = np.einsum("...k,...kc->...c", hits.weights, colors[mesh.faces[np.maximum(hits.face, 0)]])
+    color = hit_colors(mesh, hits)
     if light is not None:
         lamp = np.asarray(light, np.float64) / np.linalg.norm(light)
-        color = color * (0.6 + 0.4 * hits.normal @ lamp)[..., None]  # wrapped around: the far side shows its shape too
+        color = color * (0.6 + 0.4 * _shading_normals(mesh, hits) @ lamp)[..., None]  # wrapped around: the far side shows its shape too
     return MeshRendering(color=np.where(hits.hit[..., None], color, 0).astype(np.float32), hit=hits.hit, depth=hits.depth)
+
+
+def hit_colors(mesh: Mesh, hits: Hits) -> np.ndarray:
+    """[..., 3] display colours where rays meet the mesh; what stands where they miss means nothing."""
+    corners = mesh.faces[np.maximum(hits.face, 0)]
+    if mesh.texture is not None and mesh.uv is not None:
+        uv = np.einsum("...k,...kc->...c", hits.weights, mesh.uv[corners])
+        return texel(mesh.texture.color, uv.reshape(-1, 2)).reshape(*hits.hit.shape, 3)
+    colors = np.full((len(mesh.vertices), 3), 0.75) if mesh.colors is None else mesh.colors
+    return np.asarray(np.einsum("...k,...kc->...c", hits.weights, colors[corners]))
+
+
+def _shading_normals(mesh: Mesh, hits: Hits) -> np.ndarray:
+    """[..., 3] unit normals between those of the corners, or the faces' where there are none; 0 where missed."""
+    if mesh.normals is None:
+        return hits.normal
+    smooth = np.einsum("...k,...kc->...c", hits.weights, mesh.normals[mesh.faces[np.maximum(hits.face, 0)]])
+    return np.asarray(np.where(hits.hit[..., None], smooth / np.maximum(np.linalg.norm(smooth, axis=-1, keepdims=True), 1e-30), 0))

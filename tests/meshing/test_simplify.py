@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from dreamfields_core.meshing import BadBudget, BadMesh, MeshCleaningFailed, isosurface, report, simplify
+from dreamfields_core.meshing import BadBudget, BadMesh, MeshCleaningFailed, isosurface, report, simplify, simplify_levels
 from dreamfields_core.meshing.pieces import drop_loose
 from dreamfields_core.meshing.simplify import WORKER
 from dreamfields_core.types import Mesh
@@ -125,13 +125,13 @@ def test_arrays_that_are_no_mesh_are_refused(ball: Mesh) -> None:
 )
 def test_a_worker_that_fails_costs_one_sentence(ball: Mesh, program: str, told: str) -> None:
     with pytest.raises(MeshCleaningFailed, match=told) as caught:
-        simplify(ball, 100, timeout=1.0 if "sleep" in program else 30.0, worker=[sys.executable, "-c", program])
+        simplify(ball, 100, timeout=1.0 if "sleep" in program else 30.0, command=[sys.executable, "-c", program])
     assert "\n" not in str(caught.value)
 
 
 def test_a_worker_that_cannot_start_costs_one_sentence(ball: Mesh) -> None:
     with pytest.raises(MeshCleaningFailed, match="to start"):
-        simplify(ball, 100, worker=["/nowhere/python"])
+        simplify(ball, 100, command=["/nowhere/python"])
 
 
 @pytest.mark.parametrize("stub", ["raise ImportError('libGL.so.1: cannot open')", "filter_list = lambda: ['others']"])
@@ -146,3 +146,46 @@ def test_the_worker_imports_nothing_heavy() -> None:
     program = f"import runpy, sys; runpy.run_path({WORKER[-1]!r}); print({{'jax', 'dreamfields_core', 'scipy'}} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+def test_levels_of_detail_come_from_one_call_each_lighter_and_closed(ring: Mesh) -> None:
+    levels = simplify_levels(ring, (4000, 1000, 200))
+    counts = [report(level.mesh, crossing=level.crossing) for level in levels]
+    assert [count.faces for count in counts] == [4000, 1000, 200]
+    assert all(count.watertight and count.manifold and count.winding and count.crossing == 0 for count in counts)
+
+
+@pytest.mark.parametrize("error", [0.02, 0.002])
+def test_an_error_bound_is_kept_with_few_faces(ring: Mesh, error: float) -> None:
+    simple = simplify_levels(ring, (10**7,), error=error)[0].mesh
+    # The other way round from how the worker measures: from the simple surface to the exact torus.
+    corners = simple.vertices[simple.faces]
+    points = np.concatenate([corners.mean(axis=1), (corners[:, 0] + corners[:, 1]) / 2, simple.vertices])
+    assert np.abs(torus(points)).max() < 1.5 * error
+    assert report(simple).watertight and len(simple.faces) < 0.5 * len(ring.faces)
+
+
+def test_a_looser_bound_needs_fewer_faces_and_the_budget_holds_all_the_same(ring: Mesh) -> None:
+    loose, tight = (len(simplify_levels(ring, (10**7,), error=error)[0].mesh.faces) for error in (0.02, 0.002))
+    assert loose < tight / 3
+    assert len(simplify_levels(ring, (500,), error=1e-6)[0].mesh.faces) <= 500
+
+
+def test_smoothing_takes_noise_away_and_keeps_the_size(ball: Mesh) -> None:
+    rng = np.random.default_rng(0)
+    rough = Mesh(ball.vertices + rng.normal(0, 0.003, ball.vertices.shape).astype(np.float32), ball.faces)
+    smooth = simplify_levels(rough, (10**7,), smooth=20)[0].mesh
+    radii = np.linalg.norm(smooth.vertices, axis=1)
+    assert radii.std() < 0.4 * np.linalg.norm(rough.vertices, axis=1).std() and radii.mean() == pytest.approx(0.6, rel=0.01)
+
+
+def test_faces_that_cut_others_are_counted(ball: Mesh) -> None:
+    moved = Mesh(ball.vertices + np.float32([0.3, 0.0, 0.0]), ball.faces)
+    both = Mesh(np.concatenate([ball.vertices, moved.vertices]), np.concatenate([ball.faces, moved.faces + len(ball.vertices)]))
+    assert simplify_levels(both, (10**7,))[0].crossing > 100
+
+
+@pytest.mark.parametrize("bad", [{"budgets": (100, 100)}, {"budgets": ()}, {"error": 0.0}, {"error": float("nan")}, {"smooth": -1}])
+def test_settings_that_cannot_be_are_refused(ball: Mesh, bad: dict) -> None:  # type: ignore[type-arg]
+    with pytest.raises(BadBudget, match=r"expected .* got .*: "):
+        simplify_levels(ball, **{"budgets": (100,), **bad})
