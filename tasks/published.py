@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # importing it starts JAX, and a card must be cheap
     from dreamfields_core.types import Encoder
 
 BOTH = ("image", "text")
-VERSION = 1
+VERSION = 2
 """Raised when the same files would give other embeddings: part of every digest."""
 
 HUB, OPEN_CLIP = ("config.json", "model.safetensors"), ("open_clip_config.json", "open_clip_model.safetensors")

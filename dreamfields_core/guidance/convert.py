@@ -52,14 +52,15 @@ def convert(
     for tower, module in modules(arch).items():
         if tower in towers:
             shapes = {name: leaf.shape for name, leaf in flatten(nnx.to_pure_dict(nnx.state(module)))}
-            assert shapes.keys() == tables[tower].keys(), sorted(shapes.keys() ^ tables[tower].keys())
-            params[tower] = nest({name: _take(arrays, name, tables[tower][name], shape) for name, shape in shapes.items()})
-    params["scoring"] = {name: _take(arrays, name, source, ()) for name, source in tables["scoring"].items()}
+            wanted = {place for name, shape in shapes.items() for place in _places(name, shape)}
+            assert wanted == tables[tower].keys(), sorted(wanted ^ tables[tower].keys())
+            params[tower] = nest({name: _array(arrays, name, tables[tower], shape) for name, shape in shapes.items()})
+    params["scoring"] = {name: _array(arrays, name, tables["scoring"], ()) for name in tables["scoring"]}
     return params
 
 
 def flatten(tree: Params, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Leaves of nested dicts with their path, "blocks/0/norm1/scale"."""
+    """Leaves of nested dicts with their path, "blocks/norm1/scale"."""
     for name, value in tree.items():
         if isinstance(value, dict):
             yield from flatten(value, f"{prefix}{name}/")
@@ -67,11 +68,11 @@ def flatten(tree: Params, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{name}", value
 
 
-def nest(flat: Mapping[str, Any]) -> dict[Any, Any]:
-    """The inverse of `flatten`; numbers become the integer keys that Flax gives to the members of a list."""
-    tree: dict[Any, Any] = {}
+def nest(flat: Mapping[str, Any]) -> dict[str, Any]:
+    """The inverse of `flatten`."""
+    tree: dict[str, Any] = {}
     for path, value in flat.items():
-        *folders, leaf = (int(step) if step.isdecimal() else step for step in path.split("/"))
+        *folders, leaf = path.split("/")
         inner = tree
         for folder in folders:
             inner = inner.setdefault(folder, {})
@@ -95,7 +96,25 @@ def _check_names(arrays: Mapping[str, np.ndarray], tables: Mapping[str, Table], 
         )
 
 
-def _take(arrays: Mapping[str, np.ndarray], name: str, source: Source, shape: tuple[int, ...]) -> jax.Array:
+def _places(name: str, shape: tuple[int, ...]) -> list[str]:
+    """The names in a table that one of our arrays is made of: of a stack of blocks, [layers, ...], one a layer."""
+    folder, _, rest = name.partition("/")
+    return [f"{folder}/{place}/{rest}" for place in range(shape[0])] if folder == "blocks" else [name]
+
+
+def _array(arrays: Mapping[str, np.ndarray], name: str, table: Table, shape: tuple[int, ...]) -> jax.Array:
+    places = _places(name, shape)
+    if places == [name]:
+        return jnp.array(_take(arrays, name, table[name], shape))  # a copy: the file may go
+    layers = np.empty(shape, _take(arrays, places[0], table[places[0]], shape[1:]).dtype)
+    for place, layer in enumerate(places):
+        made = _take(arrays, layer, table[layer], shape[1:])
+        layers = layers if made.dtype == layers.dtype else layers.astype(np.float32)
+        layers[place] = made
+    return jnp.asarray(layers)
+
+
+def _take(arrays: Mapping[str, np.ndarray], name: str, source: Source, shape: tuple[int, ...]) -> np.ndarray:
     found = [arrays[part] for part in source.names]
     if not all(jnp.issubdtype(array.dtype, jnp.floating) for array in found):
         raise UnfitModel(f'expected real numbers for "{source.names[0]}", got {found[0].dtype}: this is no plain weights file')
@@ -110,5 +129,4 @@ def _take(arrays: Mapping[str, np.ndarray], name: str, source: Source, shape: tu
             f'expected {name} of shape {shape} from "{source.names[0]}", got {made.shape}: '
             "the file is of another size than its configuration says"
         )
-    made = made.astype(np.float32) if made.dtype.itemsize > 4 else made
-    return jnp.array(np.ascontiguousarray(made).reshape(shape))  # a copy: the file may go
+    return made.astype(np.float32) if made.dtype.itemsize > 4 else made

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from flax import nnx
 
 from dreamfields_core.guidance.architecture import TextTower
-from dreamfields_core.guidance.transformer import FAR, blocks, linear, norm
+from dreamfields_core.guidance.transformer import FAR, blocks, linear, norm, through
 from dreamfields_core.types import Array
 
 
@@ -38,9 +38,7 @@ class TextTransformer(nnx.Module):
         hidden = words + self.positions[...].astype(jnp.float32)[None, : tokens.shape[1]]
         if self.enter is not None:
             hidden = self.enter(hidden)
-        bias = sight(tokens, self.tower)
-        for block in self.blocks:
-            hidden = block(hidden, bias)
+        hidden = through(self.blocks, hidden, sight(tokens, self.tower))
         pooled = hidden[jnp.arange(tokens.shape[0]), self._place(tokens)]
         if self.leave is not None:
             pooled = self.leave(pooled)

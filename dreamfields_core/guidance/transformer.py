@@ -1,6 +1,9 @@
-"""One transformer block, which all towers of all families share.
+"""One transformer block, which all towers of all families share, and a stack of them.
 
-Tokens are [batch, tokens, width]. Weights may be stored in half precision: every layer computes in float32.
+Tokens are [batch, tokens, width]. Weights may be stored in half precision: every layer computes in float32. A stack holds each weight
+of its blocks in one array, [layers, ...], and is one loop over them: one block is compiled however many there are, and what the
+gradient needs is kept or made again as the loop says. (Without a loop, a compiler for processors recognises what is made again as
+what was made before, and keeps it after all.)
 """
 
 from __future__ import annotations
@@ -8,9 +11,13 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 from flax import nnx
+from jax.ad_checkpoint import checkpoint_name
 
 from dreamfields_core.guidance.architecture import Activation, Stack
 from dreamfields_core.types import Array
+
+KEPT = "kept for the gradient"
+"""What large products give; the attention's weights, normalisations and activations are cheap, and made again."""
 
 FAR = -1e9
 """Added to the logit of what must not be seen; exp of it is exactly 0, and unlike -inf it has a difference with itself."""
@@ -58,7 +65,7 @@ class Attention(nnx.Module):
         self.out = linear(stack.width, stack.width, rngs)
 
     def __call__(self, tokens: Array, bias: Array | None) -> Array:
-        mixed = self.mix(tokens).reshape(*tokens.shape[:2], 3, self.heads, -1)
+        mixed = checkpoint_name(self.mix(tokens), KEPT).reshape(*tokens.shape[:2], 3, self.heads, -1)
         return self.out(attend(mixed[:, :, 0], mixed[:, :, 1], mixed[:, :, 2], bias))
 
 
@@ -71,7 +78,7 @@ class MLP(nnx.Module):
         self.narrow = linear(stack.hidden, stack.width, rngs)
 
     def __call__(self, tokens: Array) -> Array:
-        return self.narrow(activate(self.widen(tokens), self.activation))
+        return self.narrow(activate(checkpoint_name(self.widen(tokens), KEPT), self.activation))
 
 
 class Block(nnx.Module):
@@ -86,12 +93,23 @@ class Block(nnx.Module):
 
     def __call__(self, tokens: Array, bias: Array | None = None) -> Array:
         if self.norm_first:
-            tokens = tokens + self.attention(self.norm1(tokens), bias)
+            tokens = checkpoint_name(tokens + self.attention(self.norm1(tokens), bias), KEPT)
             return tokens + self.mlp(self.norm2(tokens))
-        tokens = self.norm1(tokens + self.attention(tokens, bias))
+        tokens = checkpoint_name(self.norm1(tokens + self.attention(tokens, bias)), KEPT)
         return self.norm2(tokens + self.mlp(tokens))
 
 
-def blocks(stack: Stack, rngs: nnx.Rngs) -> nnx.List:
-    """All blocks of a stack, first to last."""
-    return nnx.List([Block(stack, rngs) for _ in range(stack.layers)])
+def blocks(stack: Stack, rngs: nnx.Rngs) -> Block:
+    """All blocks of a stack as one whose weights are [layers, ...], first to last."""
+    return nnx.vmap(lambda own: Block(stack, own))(rngs.split(stack.layers))
+
+
+def through(stack: Block, tokens: Array, bias: Array | None = None) -> Array:
+    """The tokens after all blocks of `blocks`, same shape."""
+    graph, weights = nnx.split(stack)
+
+    def one(tokens: Array, own: nnx.State) -> tuple[Array, None]:
+        return nnx.merge(graph, own)(tokens, bias), None
+
+    remembered = jax.checkpoint(one, prevent_cse=False, policy=jax.checkpoint_policies.save_only_these_names(KEPT))
+    return jax.lax.scan(remembered, tokens, weights)[0]

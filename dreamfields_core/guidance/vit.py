@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from flax import nnx
 
 from dreamfields_core.guidance.architecture import ImageTower, Stack
-from dreamfields_core.guidance.transformer import MLP, attend, blocks, linear, norm
+from dreamfields_core.guidance.transformer import MLP, attend, blocks, linear, norm, through
 from dreamfields_core.types import Array
 
 
@@ -64,8 +64,7 @@ class VisionTransformer(nnx.Module):
         tokens = tokens + self.positions[...].astype(jnp.float32)[None]
         if self.enter is not None:
             tokens = self.enter(tokens)
-        for block in self.blocks:
-            tokens = block(tokens)
+        tokens = through(self.blocks, tokens)
         # A normalisation looks at one token at a time: where only one is kept, only one is normalised.
         pooled = self.leave(tokens[:, 0]) if self.query is None else self.query(self.leave(tokens))
         return pooled if self.project is None else self.project(pooled)
