@@ -10,6 +10,7 @@ import typer
 
 from dreamfields_core.captions import CaptionError
 from dreamfields_core.config import ConfigError
+from flows import asset_commands
 from flows.order import OrderError, settle, take_order
 from tasks.encoders import EncoderError, describe_encoders
 from tasks.version import PACKAGES
@@ -67,6 +68,9 @@ def models() -> None:
 
     for line in table(describe_encoders()):
         typer.echo(line)
+
+
+asset_commands.register(app)
 
 
 def main() -> None:

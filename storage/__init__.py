@@ -9,6 +9,7 @@
     sealed       small JSON records that carry their own checksum
     artifacts    content-addressed files and the references that travel between steps
     steps        the record of one finished step: the cache that survives everything
+    mirror       small objects, listed but not read again while they are the same
     locks        one process at a time, released by the kernel
     zarr_zip     a dict of arrays as one deterministic zarr v3 zip
     checkpoints  committed by a manifest, fenced by an epoch

@@ -8,6 +8,7 @@ never a failure. The intended use, with the lock so that two processes compute o
 """
 
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
@@ -18,7 +19,7 @@ from storage.errors import BadReference, DamagedRecord, MissingObject
 from storage.locks import step_lock
 from storage.sealed import seal, unseal
 
-__all__ = ["StepRecord", "find_record", "put_record", "record_key", "step_lock"]
+__all__ = ["StepRecord", "find_record", "put_record", "read_records", "record_key", "step_lock"]
 log = logging.getLogger(__name__)
 
 
@@ -68,6 +69,17 @@ def put_record(store: Store, record: StepRecord) -> StepRecord:
     data = seal(stamped.to_json())
     store.put(record_key(record.step, record.key), data)
     return StepRecord.from_json(unseal(data))
+
+
+def read_records(store: Store, step: str) -> Iterator[StepRecord]:
+    """Every record of a step, by key; its outputs are not looked at. A damaged one is passed over, with a warning."""
+    for key in store.list(f"artifacts/{step}"):
+        try:
+            yield StepRecord.from_json(unseal(store.get(key)))
+        except MissingObject:
+            continue  # deleted while we were looking
+        except DamagedRecord as problem:
+            log.warning("The record at %s is passed over: %s", store.locate(key), problem)
 
 
 def find_record(store: Store, step: str, key: str, *, digests: bool = True) -> StepRecord | None:

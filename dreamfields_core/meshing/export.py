@@ -22,15 +22,3 @@ FORMATS: dict[str, Callable[[Mesh, Provenance], Files]] = {
     "usdz": lambda mesh, provenance: {"mesh.usdz": usdz.to_usdz(mesh, provenance)},
 }
 """Name of a format -> (mesh, provenance) -> files, the one called mesh.<format> among them. All raise BadMesh."""
-
-MEDIA_TYPES = {
-    ".glb": glb.MEDIA_TYPE,
-    ".json": "application/json",
-    ".mtl": "model/mtl",
-    ".obj": obj.MEDIA_TYPE,
-    ".ply": ply.MEDIA_TYPE,
-    ".png": "image/png",
-    ".stl": stl.MEDIA_TYPE,
-    ".usdz": usdz.MEDIA_TYPE,
-}
-"""Ending of a file -> its media type."""

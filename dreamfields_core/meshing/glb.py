@@ -20,7 +20,6 @@ from dreamfields_core.meshing.tangents import unit_normals, vertex_tangents
 from dreamfields_core.meshing.texels import check_texture, png
 from dreamfields_core.types import Mesh
 
-MEDIA_TYPE = "model/gltf-binary"
 VERTICES, INDICES = 34962, 34963
 COMPONENTS: dict[np.dtype[Any], int] = {np.dtype("<f4"): 5126, np.dtype("<u4"): 5125, np.dtype("<u2"): 5123}
 SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}

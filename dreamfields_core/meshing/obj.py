@@ -12,8 +12,6 @@ from dreamfields_core.meshing.tangents import unit_normals
 from dreamfields_core.meshing.texels import check_texture, png
 from dreamfields_core.types import Mesh
 
-MEDIA_TYPE = "model/obj"
-
 
 def to_obj(mesh: Mesh, *, name: str = "mesh") -> dict[str, bytes]:
     """name.obj, and of a textured mesh name.mtl, name.png and, where there is a normal map, name_normal.png. Raises: BadMesh."""

@@ -9,7 +9,6 @@ from dreamfields_core.meshing.tangents import unit_normals
 from dreamfields_core.meshing.texels import vertex_colors
 from dreamfields_core.types import Mesh
 
-MEDIA_TYPE = "model/ply"
 KINDS = {"<f4": "float", "u1": "uchar"}
 
 

@@ -7,7 +7,6 @@ import numpy as np
 from dreamfields_core.meshing.simplify import check_mesh
 from dreamfields_core.types import Mesh
 
-MEDIA_TYPE = "model/stl"
 HEADER = b"dreamfields, one unit is one metre, Z up".ljust(80)
 """Must not begin with "solid", by which readers know the other kind."""
 

@@ -20,7 +20,6 @@ from dreamfields_core.meshing.tangents import unit_normals
 from dreamfields_core.meshing.texels import check_texture, png
 from dreamfields_core.types import Mesh
 
-MEDIA_TYPE = "model/vnd.usdz+zip"
 ALIGNMENT = 64
 COLOR, NORMAL = "textures/color.png", "textures/normal.png"
 
