@@ -12,6 +12,7 @@ from dreamfields_core.captions import CaptionError
 from dreamfields_core.config import ConfigError
 from flows import asset_commands
 from flows.order import OrderError, settle, take_order
+from flows.tables import TableError
 from tasks.encoders import EncoderError, describe_encoders
 from tasks.version import PACKAGES
 
@@ -27,7 +28,7 @@ app = typer.Typer(
 UsageError = typer.BadParameter.__mro__[1]
 """Whatever the parser refuses. Newer releases of typer bring a click of their own, so it is found by kinship."""
 
-REFUSED = (CaptionError, ConfigError, EncoderError, OrderError)
+REFUSED = (CaptionError, ConfigError, EncoderError, OrderError, TableError)
 
 Settings = Annotated[list[str] | None, typer.Option("--set", metavar="PART.KEY=VALUE", help="Change a setting; may be repeated.")]
 MODEL = "a name that `dreamfields models` lists, a folder, owner/name on the hub, or several as A+B*0.5"
@@ -50,6 +51,43 @@ def dream(
 
     order = take_order(caption, preset=preset, seed=seed, guidance=guidance, judge=judge, settings=settings or (), store=store, out=out)
     raise typer.Exit(dream_plainly(order))
+
+
+@app.command(epilog="Example: dreamfields sweep embedded:12 --table table3 --variants none,clipped --seeds 0,1")
+def sweep(
+    captions: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[FILE|SET]", help="coco, embedded:COUNT, coco:captions_*.json, or a .txt, .csv or .json file; else the table's own."
+        ),
+    ] = None,
+    table: Annotated[str | None, typer.Option(help="A table of the paper: its rows are the variants, its judges score.")] = None,
+    variants: Annotated[str, typer.Option(help="Some of its rows, with commas between them.")] = "",
+    seeds: Annotated[str, typer.Option(help="Numbers with commas between them; by default the table's own, else 0.")] = "",
+    preset: Preset = "draft",
+    guidance: Annotated[str | None, typer.Option(help=f"The image-text model to optimise with: {MODEL}.")] = None,
+    judge: Annotated[str | None, typer.Option(help="The image-text model that scores, named likewise.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the dreams and of the report.")] = Path("dreams"),
+    store: Annotated[str | None, typer.Option(help="Folder or s3://bucket/prefix; $DREAMFIELDS_STORE, else OUT/store.")] = None,
+    settings: Settings = None,
+) -> None:
+    """Dream captions x seeds x variants, one after the other, and write a report. Ctrl-C saves; the same command goes on."""
+    from flows.sweep_plain import sweep_plainly
+    from flows.sweep_plan import listed, plan_sweep, seeds_of
+
+    plan = plan_sweep(
+        captions,
+        table=table,
+        variants=listed(variants),
+        seeds=seeds_of(seeds),
+        preset=preset,
+        guidance=guidance,
+        judge=judge,
+        settings=settings or (),
+        store=store,
+        out=out,
+    )
+    raise typer.Exit(sweep_plainly(plan))
 
 
 @app.command(epilog="Example: dreamfields settings --preset high")
