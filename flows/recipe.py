@@ -64,7 +64,7 @@ def make_object(
     dreamt = conduct(OPTIMIZE, text_embedding=words.output("text_embedding.npy"), guide=guide.digest)
     field = dreamt.output("field.safetensors")
     rendering = conduct.start(RENDER, field=field, caption=caption, size=config.evaluate.size or judge.image_size)
-    mesh = conduct(MESH, field=field, caption=caption)
+    mesh = conduct(MESH, field=field, caption=caption, guide=guide.digest)
     pictures = rendering()
     made = Remains(caption, field, pictures.output("views.npz"), mesh.output("mesh.glb"), pool)
     scores = {name: judge_object(conduct, made, config, name) for name in dict.fromkeys([judge.name, *judges])}

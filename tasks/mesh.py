@@ -15,6 +15,7 @@ from dreamfields_core.fields.contract import points_as_gaussians
 from dreamfields_core.meshing import Asset, Look, Seen, extract_mesh, fidelity, from_glb, to_glb
 from dreamfields_core.scene.cameras import camera_rays, poses_at
 from tasks.finished_field import FinishedField, unpack_field, view_by
+from tasks.provenance import provenance
 from tasks.step import Made, Work
 
 AZIMUTHS = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)
@@ -30,8 +31,8 @@ def mesh(work: Work) -> Made:
     """The surface as GLB, lighter ones beside it, their counts, and the distance from the field. Raises: MeshError."""
     dream, look = unpack_field(work.read("field")), work.config.evaluate
     asset = _extract(work, dream)
-    provenance = {"generator": "dreamfields", "caption": work.text("caption"), "field": work.digest("field"), "step": work.key}
-    files = {file_name(k): to_glb(made, provenance) for k, made in enumerate((asset.mesh, *asset.details))}
+    origin = provenance(work)
+    files = {file_name(k): to_glb(made, origin) for k, made in enumerate((asset.mesh, *asset.details))}
     seen = _seen(dream, look, look.azimuths, look.elevation, HELD_OUT_SIZE)
     # What is judged is what the files hold.
     faithful = [asdict(fidelity(from_glb(data), seen)) for data in files.values()]

@@ -50,12 +50,13 @@ RENDER = Step(
 
 MESH = Step(
     "mesh",
-    2,
-    ("mesh", "evaluate.azimuths", "evaluate.elevation", "evaluate.radius", "evaluate.focal", "evaluate.samples"),
+    3,
+    # What decided the field decides the mesh too, and its file says so.
+    (*OPTIMIZE.reads, "mesh", "evaluate.azimuths", "evaluate.elevation", "evaluate.radius", "evaluate.focal", "evaluate.samples"),
     Later("tasks.mesh:mesh"),
 )
-"""field, caption -> mesh.glb, mesh_lod1.glb ...; values: counts before and after simplification, level, agreement with the silhouettes,
-fidelity to the field from held-out cameras."""
+"""field, caption, guide (digest) -> mesh.glb, mesh_lod1.glb ...; values: counts before and after simplification, level, agreement
+with the silhouettes, fidelity to the field from held-out cameras."""
 
 SCORE = Step("score", 1, ("evaluate",), Later("tasks.score:score"))
 """views, mesh, caption, judge (digest) -> values: for field and mesh, for each pool of captions, what the judge retrieves."""
