@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
-from dreamfields_core.guidance import clip, lit, siglip
+from dreamfields_core.guidance import clip, lit, siglip, siglip_trunk
 from dreamfields_core.guidance.architecture import Architecture, UnfitModel
 from dreamfields_core.guidance.tables import Table
 
@@ -20,6 +20,8 @@ def read_architecture(config: Mapping[str, Any], *, second: bool = False) -> Arc
       UnfitModel: a family that is not supported, or numbers that cannot be.
     """
     try:
+        if "model_cfg" in config and siglip_trunk.trunk_name(config):
+            return siglip_trunk.from_open_clip(config)
         if "model_cfg" in config:
             return clip.from_open_clip(config)
         if config.get("model_type") == "clip":
@@ -41,5 +43,5 @@ def read_tables(arch: Architecture, names: Collection[str]) -> tuple[Mapping[str
     if arch.layout == "lit":
         return lit.tables(arch, set(names)), lit.ignored
     if arch.layout == "open_clip":
-        return clip.open_clip_tables(arch), clip.ignored
+        return (siglip_trunk.tables if arch.family == "siglip" else clip.open_clip_tables)(arch), clip.ignored
     return (siglip.tables if arch.family == "siglip" else clip.hub_tables)(arch), clip.ignored

@@ -10,6 +10,7 @@ from dreamfields_core.guidance.clip import hub_block, hub_stack, patch_kernel
 from dreamfields_core.guidance.tables import Source, Table, dense, norm, same, transposed
 
 HALF = (0.5, 0.5, 0.5)
+NAFLEX = "expected a SigLIP 2 of fixed resolution, got a NaFlex model: use for instance siglip2-base-patch16-256"
 BASE = {"hidden_size": 768, "num_hidden_layers": 12, "num_attention_heads": 12, "intermediate_size": 3072}
 
 
@@ -21,7 +22,7 @@ def from_hub(config: Mapping[str, Any], *, second: bool) -> Architecture:
     """
     image, text = config.get("vision_config") or {}, config.get("text_config") or {}
     if config.get("model_type") == "siglip2" or "num_patches" in image:
-        raise UnfitModel("expected a SigLIP 2 of fixed resolution, got a NaFlex model: use for instance siglip2-base-patch16-256")
+        raise UnfitModel(NAFLEX)
     if image.get("vision_use_head") is False:
         raise UnfitModel("expected a SigLIP with its pooling head, got one without: it gives no embedding, use another checkpoint")
     stack = hub_stack(text, BASE, activation="gelu_pytorch_tanh", epsilon=1e-6)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ transformers = pytest.importorskip("transformers")
 
 import published_lit as lits  # noqa: E402
 import published_models as made  # noqa: E402
+from plain_siglip import as_open_clip  # noqa: E402
 from safetensors.numpy import save_file  # noqa: E402
 
 from dreamfields_core.guidance.families import read_architecture  # noqa: E402
@@ -59,6 +61,14 @@ def open_clip_case(tmp_path: Path, model: Any) -> tuple[Encoder, Reference]:
     return load(tmp_path / "open_clip_model.safetensors", made.open_clip_config(model.config)), reference
 
 
+def siglip_as_open_clip_case(tmp_path: Path, model: Any) -> tuple[Encoder, Reference]:
+    """The same SigLIP under open_clip's names; timm's table of sizes has none so small, so its numbers are the hub's."""
+    ours, reference = hub_case(tmp_path, model)
+    arch = replace(read_architecture(json.loads((tmp_path / "config.json").read_text())), layout="open_clip")
+    save_file(as_open_clip({name: value.numpy() for name, value in model.state_dict().items()}), tmp_path / "open_clip.safetensors")
+    return encoder("tested", "", arch, read_weights(map_arrays([tmp_path / "open_clip.safetensors"]), arch), ours.tokenize), reference
+
+
 def lit_case(tmp_path: Path, image: Any, text: Any, *, old_names: bool = False, dim: int | None = 24) -> tuple[Encoder, Reference]:
     """A LiT put together from the library's ViT and its BERT or SigLIP text tower, under the published names."""
     arrays, reference = lits.lit_arrays(made.roughen(image, 1), made.roughen(text, 2), old_names=old_names, dim=dim)
@@ -72,6 +82,7 @@ CASES: dict[str, Callable[[Path], tuple[Encoder, Reference]]] = {
     "clip as open_clip, QuickGELU": lambda path: open_clip_case(path, transformers.CLIPModel(made.clip_config())),
     "clip as open_clip, GELU": lambda path: open_clip_case(path, transformers.CLIPModel(made.clip_config(quick=False))),
     "siglip": lambda path: hub_case(path, transformers.SiglipModel(made.siglip_config())),
+    "siglip as open_clip": lambda path: siglip_as_open_clip_case(path, transformers.SiglipModel(made.siglip_config())),
     "lit with BERT": lambda path: lit_case(path, lits.vit(), lits.bert()),
     "lit with BERT, no image head, old names": lambda path: lit_case(path, lits.vit(), lits.bert(), old_names=True, dim=None),
     "lit with a plain text tower": lambda path: lit_case(path, lits.vit(), lits.plain_text()),
