@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from prefect import flow
 from prefect.logging import get_run_logger
+from prefect.runtime import flow_run
 from pydantic import Field
 
 from flows.dream import Preset, Seed, Setting, dream
@@ -30,7 +31,12 @@ class SweepFailed(RuntimeError):
     """Not one object of a sweep could be dreamed; the text has the first reason."""
 
 
-@flow(name="coco-sweep", flow_run_name="{captions} {table}", persist_result=False)
+def _run_name() -> str:
+    asked = flow_run.parameters
+    return " ".join(str(asked[name]) for name in ("captions", "table") if asked.get(name)) or "coco-sweep"
+
+
+@flow(name="coco-sweep", flow_run_name=_run_name, persist_result=False)
 def coco_sweep(
     captions: Source | None = None,
     table: str | None = None,

@@ -11,11 +11,12 @@ from prefect.logging import get_run_logger
 
 from dreamfields_core.config import DreamConfig
 from flows.dream import ByPrefect
-from flows.night import Comparison, Gone, Scores, judge_again, judged, remember
+from flows.night import Comparison, Scores, judge_again, judged, remember
 from flows.order import OrderError, address_of
 from flows.report import show_report, write_page
 from flows.sweep_record import entries, members, sweeps
 from flows.sweep_report import page_of, report_of
+from flows.sweep_run import sentence
 from storage.contract import Store
 from storage.steps import StepRecord
 from storage.store import open_store
@@ -58,8 +59,8 @@ def evaluate(record: StepRecord, store: Store, out: Path, more: list[str]) -> di
             continue
         try:
             found[member.key] = judge_again(store, member.key, judges, lambda config: _conductor(store, config))
-        except Gone as why:
-            gone[f"{member.caption} ({member.variant}, seed {member.seed})"] = str(why)
+        except Exception as error:  # one object's fault keeps no other from being judged
+            gone[f"{member.caption} ({member.variant}, seed {member.seed})"] = sentence(error)
     tonight = judged(list(entries(record, store, out)), found, members(record))
     compared = remember(store, record.values["name"], tonight, judges)
     report = report_of(record, tonight, night=compared.night)
@@ -80,7 +81,7 @@ def _show(record: StepRecord, compared: Comparison, gone: dict[str, str]) -> Non
     since = compared.night.since if compared.night else None
     lines = [f"# {record.values['name']}", "", f"Compared with {since}." if since else "The first night: nothing to compare with."]
     parts = {"Fell by more than its standard error": compared.fell, "No longer recognised": list(compared.lost)}
-    parts["Missing or damaged"] = [f"{name}: {why}" for name, why in gone.items()]
+    parts["Could not be judged"] = [f"{name}: {why}" for name, why in gone.items()]
     for title, items in parts.items():
         lines += ["", f"## {title}", "", *([f"- {item}" for item in items] or ["Nothing."])]
     create_markdown_artifact("\n".join(lines), key="night", description=record.values["name"])

@@ -16,22 +16,19 @@ from storage.errors import UnreadableWeights
 from storage.published import NoNetwork, NotPublished
 
 PIECE = 1 << 20
-OTHERWISE = "use --guidance embedded, or put the file there"
 Progress = Callable[[str, int, int | None], None]
 """(name, bytes so far, bytes in all or None)."""
 
 
-def fetch(address: str, folder: Path, *, sha256: str | None = None, progress: Progress | None = None, otherwise: str = OTHERWISE) -> Path:
+def fetch(address: str, folder: Path, *, sha256: str | None = None, progress: Progress | None = None) -> Path:
     """The file at `address`, in `folder` under its own name.
-
-    otherwise: the way out where there is no network, for the error's sentence.
 
     Raises: NoNetwork, NotPublished, UnreadableWeights.
     """
     path = folder / address.rsplit("/", 1)[-1]
     beside = path.with_name(f"{path.name}.sha256")
     if not path.is_file():
-        _download(address, path, progress or _show, otherwise)
+        _download(address, path, progress or _show)
         beside.write_text(sha256_file(path) + "\n", encoding="ascii")
     expected = sha256 or (beside.read_text(encoding="ascii").strip() if beside.is_file() else None)
     if expected and (found := sha256_file(path)) != expected:
@@ -41,9 +38,9 @@ def fetch(address: str, folder: Path, *, sha256: str | None = None, progress: Pr
     return path
 
 
-def _download(address: str, path: Path, progress: Progress, otherwise: str) -> None:
+def _download(address: str, path: Path, progress: Progress) -> None:
     if os.environ.get("HF_HUB_OFFLINE", "0").upper() in ("1", "TRUE", "YES", "ON"):
-        raise _no_network(address, path, "HF_HUB_OFFLINE is set", otherwise)
+        raise _no_network(address, path, "HF_HUB_OFFLINE is set")
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.part")
     start = part.stat().st_size if part.is_file() else 0
@@ -59,23 +56,24 @@ def _download(address: str, path: Path, progress: Progress, otherwise: str) -> N
                     progress(path.name, file.tell(), total)
         size = part.stat().st_size
         if total is not None and size != total:
-            broken = f"the download broke off at {size} of {total} bytes; the next attempt goes on from there"
-            raise _no_network(address, path, broken, otherwise)
+            raise _no_network(address, path, f"the download broke off at {size} of {total} bytes; the next attempt goes on from there")
     except urllib.error.HTTPError as problem:
         if problem.code == 416 and start:
             part.unlink()
-            return _download(address, path, progress, otherwise)
+            return _download(address, path, progress)
         raise NotPublished(
             f"Expected {path.name} at {address}, got '{problem.code} {problem.reason}': put the file into {path.parent}."
         ) from None
     except (urllib.error.URLError, ConnectionError, TimeoutError) as problem:
-        raise _no_network(address, path, str(getattr(problem, "reason", problem))[:120], otherwise) from None
+        raise _no_network(address, path, str(getattr(problem, "reason", problem))[:120]) from None
     os.replace(part, path)
     return None
 
 
-def _no_network(address: str, path: Path, why: str, otherwise: str) -> NoNetwork:
-    return NoNetwork(f"Expected {path.name} from {address} or in {path.parent}, got neither ({why}): {otherwise}.")
+def _no_network(address: str, path: Path, why: str) -> NoNetwork:
+    return NoNetwork(
+        f"Expected {path.name} from {address} or in {path.parent}, got neither ({why}): use --guidance embedded, or put the file there."
+    )
 
 
 def _show(name: str, done: int, total: int | None) -> None:

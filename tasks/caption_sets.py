@@ -20,11 +20,12 @@ from dreamfields_core.teaching.language import Description, describe, parse
 from dreamfields_core.teaching.pools import meaning, random_description
 from storage.digests import sha256_bytes
 from storage.download import fetch
+from storage.errors import StorageError
+from storage.published import NoNetwork
 from tasks.coco import PUBLISHED, object_centric, published_list
 from tasks.compiled import cache_folder
 
 SOURCES = "coco (the paper's 153), embedded:COUNT or embedded:COUNT:SEED, coco:captions_*.json, or a .txt, .csv or .json file"
-CLOSED = "put a file with the captions there, or use embedded:12"
 MOST = 5000
 """Captions drawn from the embedded language at most: it ends somewhere."""
 
@@ -61,7 +62,7 @@ def captions_from(source: str) -> CaptionSet:
     Args:
       source: one of SOURCES.
 
-    Raises: CaptionError, StorageError (where a set cannot be fetched).
+    Raises: CaptionError.
     """
     kind, _, rest = source.partition(":")
     if source in PUBLISHED:
@@ -121,7 +122,15 @@ def _checked(name: str, lines: Sequence[str], pictures: dict[str, Path] | None =
 
 def _fetched(name: str) -> list[str]:
     entry = PUBLISHED[name]
-    path = fetch(entry.address, cache_folder() / "captions", otherwise=CLOSED)
+    path = cache_folder() / "captions" / entry.address.rsplit("/", 1)[-1]
+    try:
+        fetch(entry.address, path.parent)
+    except NoNetwork as error:
+        raise CaptionError(
+            f"expected {path}, or a network to fetch it from {entry.address}, got neither: put the file there, or use embedded:12"
+        ) from error
+    except StorageError as error:
+        raise CaptionError(f"{str(error)[:1].lower()}{str(error)[1:]}".rstrip(".")) from error
     lines = published_list(path.read_text(encoding="utf-8", errors="replace"))
     if digest_of(lines) != entry.sha256:
         raise CaptionError(

@@ -42,6 +42,12 @@ REFUSALS = [
     (["dream", CAPTION, "--out", "/dev/null/out"], "choose another with --out"),
     (["dream"], "missing argument 'caption': see `dreamfields dream --help`"),
     (["dream", CAPTION, "--face", "9"], "--face"),
+    (["sweep"], "write for instance `dreamfields sweep embedded:12`"),
+    (["sweep", "captions.yaml"], "expected captions from coco"),
+    (["sweep", "coco"], "put the file there, or use embedded:12"),
+    (["sweep", "embedded:2", "--table", "tabel"], "expected a table among"),
+    (["sweep", "embedded:2", "--table", "cameras", "--variants", "round"], "among the rows of cameras"),
+    (["sweep", "embedded:2", "--seeds", "0,x"], "whole numbers as seeds"),
     (["settings", "--preset", "hgih"], "a preset among"),
     (["draem", CAPTION], "draem"),
 ]
@@ -68,7 +74,7 @@ def test_refused(
     assert not list(home.rglob("result.json")) and not list(home.rglob("runs"))
 
 
-@pytest.mark.parametrize("command", [[], ["dream"], ["settings"], ["models"]])
+@pytest.mark.parametrize("command", [[], ["dream"], ["sweep"], ["settings"], ["models"]])
 def test_help_has_an_example(command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(*command, "--help", monkeypatch=monkeypatch, capsys=capsys)
     assert code == 0

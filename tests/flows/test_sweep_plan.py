@@ -6,14 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from prefect.exceptions import ParameterTypeError
 
 from dreamfields_core.config import ConfigError
+from flows.coco_sweep import coco_sweep
 from flows.order import OrderError
 from flows.result import dream_key
 from flows.sweep_plan import PLAIN, listed, plan_sweep, seeds_of
 from flows.sweep_record import keep_sweep, members, missing, sweeps
 from flows.tables import TableError, load_table
 from storage.store import open_store
+from tasks.caption_sets import captions_from
 from tests.tasks.tiny import SETTINGS
 
 
@@ -40,7 +43,9 @@ def test_captions_times_seeds_times_rows_of_the_table(tmp_path: Path) -> None:
 
 def test_a_table_brings_its_own_captions_seeds_and_judges(tmp_path: Path) -> None:
     table, found = load_table("cameras"), plan(None, tmp_path, table="cameras")
-    assert found.captions.captions == table.captions["draft"] and {cell.seed for cell in found.cells} == set(table.seeds["draft"])
+    own = table.captions["draft"]
+    assert found.captions.captions == (captions_from(own).captions if isinstance(own, str) else own)
+    assert {cell.seed for cell in found.cells} == set(table.seeds["draft"])
     assert found.judges == tuple(column.judges["draft"] for column in table.columns_at("draft"))
 
 
@@ -101,3 +106,21 @@ def test_lists_of_the_command_line() -> None:
     assert listed("none, clipped gated,,") == ["none", "clipped gated"] and seeds_of("0,1") == [0, 1] and seeds_of("") == []
     with pytest.raises(OrderError, match="whole numbers"):
         seeds_of("0,b")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"captions": ""},
+        {"captions": "coco", "through": "dusk"},
+        {"captions": "coco", "workers": 0},
+        {"captions": "coco", "scheduler": "somewhere"},
+        {"captions": "coco", "seeds": [-1]},
+        {"captions": "coco", "seeds": "0,1"},
+        {"captions": "coco", "settings": ["mesh.faces"]},
+        {"captions": "coco", "preset": "hgih"},
+    ],
+)
+def test_parameters_are_refused_before_a_run(wrong: dict) -> None:
+    with pytest.raises(ParameterTypeError):
+        coco_sweep.validate_parameters(wrong)
