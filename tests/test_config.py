@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dreamfields_core.config import ConfigError, DreamConfig, HybridConfig, ResidualMLPConfig, override, parts, validate
+from dreamfields_core.config.fields import FIELD_KINDS
 from dreamfields_core.presets import PRESETS, preset
 
 DEFAULT = DreamConfig()
@@ -68,7 +69,8 @@ REFUSED = {
     "mesh.faces=0": "mesh.faces: input should be greater than or equal to 4, got 0",
     "mesh.faces=many": "mesh.faces: input should be a valid integer",
     "mesh.faces=NaN": "mesh.faces: input should be a finite number, got nan",
-    "scene.bound=-1": "scene.bound: input should be greater than 0, got -1",
+    "scene.bound=-1": "scene.bound: input should be greater than or equal to 0.01, got -1",
+    "scene.bound=1e39": "scene.bound: input should be less than or equal to 100, got 1e+39; change it with --set scene.bound=VALUE",
     "scene.bound=NaN": "scene.bound: input should be a finite number, got nan",
     "scene.bound=Infinity": "scene.bound: input should be a finite number, got inf",
     "scene.bound=1e400": "scene.bound: input should be a finite number, got inf",
@@ -81,6 +83,10 @@ REFUSED = {
     "camera.azimuth.low=400": "camera.azimuth: expected low <= high, got low=400.0 and high=360.0",
     "camera.radius.low=0": "camera: expected camera.radius.low > 0, got 0.0",
     "camera.focal.low=-1": "camera: expected camera.focal.low > 0, got -1.0",
+    "camera.radius.high=1e9": "camera: expected camera.radius.high <= 1000, got 1000000000.0",
+    "camera.elevation.high=91": "camera: expected camera.elevation within -90 and 90, got 30.0 to 91.0",
+    "loss.regularizer=l2": "loss.regularizer: input should be 'none', 'density_noise', 'beta_prior', 'gated'",
+    "loss.noise_steps=0": "loss.noise_steps: input should be greater than or equal to 1",
     "loss.opacity_start=0": "loss.opacity_start: input should be greater than 0",
     "optim.rate=0": "optim.rate: input should be greater than 0",
     "optim.rate_end=-1": "optim.rate_end: input should be greater than 0",
@@ -122,6 +128,18 @@ def test_another_kind_of_field_brings_its_own_settings(assignments: tuple) -> No
     assert back.field == ResidualMLPConfig()
     # The same kind again keeps what was set.
     assert override(changed, ("field.kind=hybrid",)).field == HybridConfig(width=16)
+
+
+@pytest.mark.parametrize("kind", FIELD_KINDS)
+def test_every_kind_of_field_can_be_named_and_survives_json(kind: str) -> None:
+    changed = override(DEFAULT, (f"field.kind={kind}",))
+    assert changed.field.kind == kind and validate(json.loads(json.dumps(changed.model_dump(mode="json")))) == changed
+
+
+def test_frequencies_along_the_axes_come_in_whole_octaves() -> None:
+    assert override(DEFAULT, ("field.fourier=false", "field.levels=6")).field == ResidualMLPConfig(fourier=False, levels=6.0)
+    with pytest.raises(ConfigError, match=r"expected a whole number of levels along the axes, got 6\.5: set field.fourier=true"):
+        override(DEFAULT, ("field.kind=nerf_mlp", "field.levels=6.5"))
 
 
 def test_a_setting_of_the_old_kind_is_refused() -> None:

@@ -2,7 +2,16 @@
 
 from dreamfields_core.config.concerns import DreamConfig
 from dreamfields_core.config.dreams import AugmentConfig, Background, GuidanceConfig, LossConfig, OptimConfig
-from dreamfields_core.config.fields import FieldConfig, HybridConfig, ResidualMLPConfig
+from dreamfields_core.config.fields import (
+    EncodingConfig,
+    FieldConfig,
+    HybridConfig,
+    ImagePlaneConfig,
+    NeRFMLPConfig,
+    ResidualMLPConfig,
+    SignedDistanceConfig,
+    VoxelGridConfig,
+)
 from dreamfields_core.config.parts import Part, Range
 from dreamfields_core.config.renders import RenderConfig, SkipConfig
 from dreamfields_core.config.results import EvaluateConfig, MeshConfig
@@ -15,19 +24,24 @@ __all__ = [
     "CameraConfig",
     "ConfigError",
     "DreamConfig",
+    "EncodingConfig",
     "EvaluateConfig",
     "FieldConfig",
     "GuidanceConfig",
     "HybridConfig",
+    "ImagePlaneConfig",
     "LossConfig",
     "MeshConfig",
+    "NeRFMLPConfig",
     "OptimConfig",
     "Part",
     "Range",
     "RenderConfig",
     "ResidualMLPConfig",
     "SceneConfig",
+    "SignedDistanceConfig",
     "SkipConfig",
+    "VoxelGridConfig",
     "override",
     "parts",
     "validate",

@@ -9,6 +9,7 @@ from pydantic import Field, field_validator
 from dreamfields_core.config.parts import Count, NonNegative, Part, Positive, PositiveShare
 
 Background = Literal["noise", "checkerboard", "fourier", "solid", "white"]
+Regularizer = Literal["none", "density_noise", "beta_prior", "gated", "clipped_gated", "clipped_additive"]
 
 
 class AugmentConfig(Part):
@@ -47,13 +48,22 @@ class GuidanceConfig(Part):
 
 
 class LossConfig(Part):
-    """Clipped additive transmittance loss (paper equations 5 and 6).
+    """What keeps a scene sparse (paper section 4.4 and table 3), and how sparse it shall be.
 
-    transmittance: weight lambda. opacity_start -> opacity_end: target mean opacity, annealed geometrically over anneal_steps,
+    regularizer: clipped_additive is the paper's own (equations 5 and 6); none, density_noise, beta_prior, gated and clipped_gated are
+    those that it is compared with (table 3).
+    transmittance: weight lambda of clipped_additive. beta: weight of beta_prior.
+    noise_start -> noise_end: standard deviation of density_noise, added to the raw density, annealed evenly over noise_steps.
+    opacity_start -> opacity_end: target mean opacity, annealed geometrically over anneal_steps,
     then times m^2 / 1.2 / (radius / 4)^2 with focal = m x 1111.1/800: the area that the object fills in the picture stays its own.
     """
 
+    regularizer: Regularizer = "clipped_additive"
     transmittance: NonNegative = 0.5
+    beta: NonNegative = 1e-3
+    noise_start: NonNegative = 1.0
+    noise_end: NonNegative = 1.0
+    noise_steps: Count = 10_000
     opacity_start: PositiveShare = 0.5
     opacity_end: PositiveShare = 0.1
     anneal_steps: Count = 500

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from pydantic import model_validator
+from typing import Annotated
+
+from pydantic import Field, model_validator
 
 from dreamfields_core.config.parts import Count, Part, Positive, Range, Share
+
+FARTHEST = 1000.0
+"""Radius and focal length beyond which there is less than a pixel of an object, or no more than a pixel's width of it."""
 
 
 class SceneConfig(Part):
     """Where the object may be (paper section 4.5).
 
-    bound: half-side of the cube outside of which density is zero.
+    bound: half-side of the cube outside of which density is zero, world units. There is always a cube; one of 1.8 holds all that the
+    paper's camera sees, and masks nothing in its view.
     track_origin: follow the centre of mass of the density.
     origin_decay: of the moving average that follows it, per step.
     """
 
-    bound: Positive = 1.0
+    bound: Annotated[Positive, Field(ge=0.01, le=100)] = 1.0
     track_origin: bool = True
     origin_decay: Share = 0.999
 
@@ -37,4 +43,8 @@ class CameraConfig(Part):
         for name, interval in (("radius", self.radius), ("focal", self.focal)):
             if interval.low <= 0:
                 raise ValueError(f"expected camera.{name}.low > 0, got {interval.low}")
+            if interval.high > FARTHEST:
+                raise ValueError(f"expected camera.{name}.high <= {FARTHEST:g}, got {interval.high}")
+        if max(abs(self.elevation.low), abs(self.elevation.high)) > 90:
+            raise ValueError(f"expected camera.elevation within -90 and 90, got {self.elevation.low} to {self.elevation.high}")
         return self

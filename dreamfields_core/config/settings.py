@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from dreamfields_core.config.concerns import DreamConfig
+from dreamfields_core.config.fields import FIELD_KINDS
 
 
 class ConfigError(ValueError):
@@ -54,7 +55,7 @@ def validate(values: dict[str, Any]) -> DreamConfig:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         # Neither the kind of a field nor an item of a list is a setting that could be changed by name.
-        named = [step for step in first["loc"] if isinstance(step, str) and step not in ("residual_mlp", "hybrid")]
+        named = [step for step in first["loc"] if isinstance(step, str) and step not in FIELD_KINDS]
         place = ".".join(named + ["kind"] * first["type"].startswith("union_tag")) or "config"
         problem = first["msg"].removeprefix("Value error, ")
         problem = problem[0].lower() + problem[1:]

@@ -6,6 +6,7 @@ stopped goes on as if it had not been.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -15,14 +16,17 @@ import optax
 
 from dreamfields_core.config import DreamConfig
 from dreamfields_core.dreaming.augmentations import augmented_copies
-from dreamfields_core.dreaming.losses import clipped_transmittance, similarity
-from dreamfields_core.dreaming.schedules import learning_rate, target_transmittance
+from dreamfields_core.dreaming.losses import cosines, regularized
+from dreamfields_core.dreaming.schedules import density_noise, learning_rate, target_transmittance
 from dreamfields_core.dreaming.state import DreamState
-from dreamfields_core.fields import build_field
+from dreamfields_core.fields import Field, build_field
+from dreamfields_core.fields.perturbed import perturb, perturbed
 from dreamfields_core.guidance.views import embedding_at
+from dreamfields_core.precision import product_type
 from dreamfields_core.rendering.images import on_white
 from dreamfields_core.rendering.occupancy import Occupancy, refresh, unknown_occupancy
-from dreamfields_core.rendering.render import Tally, render_rays
+from dreamfields_core.rendering.render import Tally
+from dreamfields_core.rendering.sharding import batch_over, device_mesh, on_every_device, render_rays_over
 from dreamfields_core.scene.cameras import Pose, camera_rays, poses_at, sample_poses
 from dreamfields_core.scene.origin import track_origin
 from dreamfields_core.types import Array, Encoder, Params, Rays, Rendering
@@ -35,22 +39,33 @@ class DreamProgram:
 
     `start` gives the state before the first step; `step` takes (state, text_embedding) to (state, metrics), without waiting for
     the device; `preview` renders a small picture. text_embedding: [dim], or [4, dim] for the views of guidance/views.py.
+
+    On several devices (`mesh`) the rays and the encoder's pictures are dealt out, and all else is done on each.
+
+    Raises:
+      ValueError: `render.devices` cannot be had.
     """
 
     def __init__(self, config: DreamConfig, encoder: Encoder) -> None:
         self.config = config
-        self.field = build_field(config.field, bound=config.scene.bound)
-        self._encoder = encoder
+        self.mesh = device_mesh(config.render.devices, rays=config.camera.views * config.render.size**2)
+        products = product_type(config.render.products, jax.default_backend())
+        self.field = build_field(config.field, bound=config.scene.bound, products=products)
+        self.encoder = replace(encoder, params=on_every_device(self.mesh, encoder.params))
         self._adam = optax.scale_by_adam(eps=config.optim.epsilon)
         # The key is an argument of the compiled step: another seed is the same program.
         self._key = jax.random.key(config.seed)
-        self._start = jax.jit(self.field.init)
-        self._step = jax.jit(self._advance, donate_argnums=0)
+        self._init = jax.jit(self.field.init)
+        self._step = jax.jit(self.advance, donate_argnums=0)
         self._preview = jax.jit(self._render_preview)
 
     def start(self) -> DreamState:
         """The state before the first step; decided by the configuration's seed alone."""
-        params = self._start(jax.random.fold_in(self._key, 2**31))
+        return on_every_device(self.mesh, self.start_from(self._key))
+
+    def start_from(self, seed_key: Array) -> DreamState:
+        """The state before the first step of another seed, jax.random.key(seed)."""
+        params = self._init(jax.random.fold_in(seed_key, 2**31))
         return DreamState(
             step=jnp.zeros((), jnp.int32),
             params=params,
@@ -63,7 +78,7 @@ class DreamProgram:
 
     def step(self, state: DreamState, text_embedding: Array) -> tuple[DreamState, Metrics]:
         """Take one step; `state` is consumed. A step whose loss or gradient is not finite changes nothing but `bad`."""
-        return self._step(state, self._key, self._encoder.params, text_embedding)
+        return self._step(on_every_device(self.mesh, state), self._key, self.encoder.params, text_embedding)
 
     def preview(self, state: DreamState, *, azimuth: float = 30.0) -> np.ndarray:
         """A picture of the training size on white, uint8 [H, W, 3]."""
@@ -73,7 +88,8 @@ class DreamProgram:
         picture = on_white(jax.device_get(self._preview(state, pose)))
         return np.round(255 * picture[0]).astype(np.uint8)
 
-    def _advance(self, state: DreamState, seed_key: Array, encoder_params: Params, text_embedding: Array) -> tuple[DreamState, Metrics]:
+    def advance(self, state: DreamState, seed_key: Array, encoder_params: Params, text_embedding: Array) -> tuple[DreamState, Metrics]:
+        """`step` as a function of all that it reads, to be compiled."""
         optim, scene = self.config.optim, self.config.scene
         key = jax.random.fold_in(seed_key, state.step)
         pose_key, render_key, augment_key, occupancy_key = jax.random.split(key, 4)
@@ -82,7 +98,8 @@ class DreamProgram:
 
         def objective(params: Params) -> tuple[Array, tuple[Metrics, Tally]]:
             prepared = self.field.prepare(params)
-            views, tally = self._render(render_key, prepared, pose, state.origin, occupancy)
+            field, seen = self._disturbed(render_key, prepared, state.step)
+            views, tally = self._render(render_key, field, seen, pose, state.origin, occupancy)
             return self._loss(augment_key, prepared, views, tally, pose, state.step, encoder_params, text_embedding)
 
         (loss, (metrics, tally)), gradient = jax.value_and_grad(objective, has_aux=True)(state.params)
@@ -114,14 +131,15 @@ class DreamProgram:
         encoder_params: Params,
         text_embedding: Array,
     ) -> tuple[Array, tuple[Metrics, Tally]]:
-        """L_CLIP + lambda L_T (paper equation 6) + the field's own penalty."""
+        """L_total with its regulariser (paper equation 6, table 3) + the field's own penalty."""
         config = self.config
-        copies = augmented_copies(key, views, augment=config.augment, crop=config.render.crop)
-        score = similarity(self._encoder.encode_image(encoder_params, copies), self._goal(text_embedding, pose))
+        copies = batch_over(self.mesh, augmented_copies(key, views, augment=config.augment, crop=config.render.crop))
+        scores = cosines(self.encoder.encode_image(encoder_params, copies), self._goal(text_embedding, pose))
         target = target_transmittance(step, pose, config.loss)
-        loss = -score + config.loss.transmittance * clipped_transmittance(views.transmittance, target) + self.field.penalty(prepared)
+        penalty = self.field.penalty(jax.random.fold_in(key, 2**31), prepared)
+        loss = regularized(scores, views.transmittance, target, config.loss) + penalty
         metrics = {
-            "similarity": score,
+            "similarity": jnp.mean(scores),
             "transmittance": jnp.mean(views.transmittance),
             "target": jnp.mean(target),
             "evaluated": tally.evaluated / tally.possible,
@@ -134,15 +152,24 @@ class DreamProgram:
             return text_embedding
         return jnp.repeat(embedding_at(text_embedding, pose.azimuth, pose.elevation), self.config.augment.copies, axis=0)
 
-    def _render(self, key: Array | None, prepared: Params, pose: Pose, origin: Array, occupancy: Occupancy) -> tuple[Rendering, Tally]:
+    def _disturbed(self, key: Array, prepared: Params, step: Array) -> tuple[Field, Params]:
+        """The field that is rendered in training and what it reads; its density is perturbed where that is the regulariser."""
+        if self.config.loss.regularizer != "density_noise":
+            return self.field, prepared
+        return perturbed(self.field), perturb(jax.random.fold_in(key, 2**31), prepared, density_noise(step, self.config.loss))
+
+    def _render(
+        self, key: Array | None, field: Field, prepared: Params, pose: Pose, origin: Array, occupancy: Occupancy
+    ) -> tuple[Rendering, Tally]:
         """Views of shape [V, size, size]."""
         render = self.config.render
         rays = camera_rays(pose, origin, size=render.size)
         shape = rays.radii.shape[:-1]
         flat: Rays = jax.tree.map(lambda leaf: leaf.reshape(-1, leaf.shape[-1]), rays)
-        rendering, tally = render_rays(
+        rendering, tally = render_rays_over(
+            self.mesh,
             key,
-            self.field,
+            field,
             prepared,
             flat,
             origin,
@@ -154,7 +181,7 @@ class DreamProgram:
         return jax.tree.map(lambda leaf: leaf.reshape(*shape, *leaf.shape[1:]), rendering), tally
 
     def _render_preview(self, state: DreamState, pose: Pose) -> Rendering:
-        return self._render(None, self.field.prepare(state.params), pose, state.origin, state.occupancy)[0]
+        return self._render(None, self.field, self.field.prepare(state.params), pose, state.origin, state.occupancy)[0]
 
     def _occupancy(self, key: Array, state: DreamState) -> Occupancy:
         """Refreshed every so often, once the object has begun to form."""

@@ -20,6 +20,12 @@ def geometric(step: Array, *, start: float, end: float, steps: int) -> Array:
     return start * (end / start) ** share
 
 
+def density_noise(step: Array, loss: LossConfig) -> Array:
+    """Standard deviation of what is added to the raw density: noise_start -> noise_end in even steps, then noise_end; []."""
+    share = jnp.clip(step / loss.noise_steps, 0.0, 1.0)
+    return loss.noise_start + (loss.noise_end - loss.noise_start) * share
+
+
 def learning_rate(step: Array, optim: OptimConfig) -> Array:
     """Geometric warm-up (paper appendix C), then constant, or to rate_end along half a cosine."""
     warm = geometric(step, start=optim.rate_start, end=optim.rate, steps=optim.warmup_steps)

@@ -1,11 +1,14 @@
 """Feature grids: resampling one to another resolution, reading between its vertices, and how rough it is.
 
-Symbols: a grid of resolution G has (G + 1)^3 vertices, the outer ones on the faces of the cube of half-side `bound`.
+Symbols: a grid of resolution G has (G + 1)^D vertices, the outer ones on the faces of the cube of half-side `bound`; D is 3, or 2 for
+a picture.
 """
 
 from __future__ import annotations
 
 import itertools
+import operator
+from functools import reduce
 
 import jax
 import jax.numpy as jnp
@@ -33,27 +36,28 @@ def resample(grid: Array, *, resolution: int) -> Array:
 
 
 def read_grid(grid: Array, points: Array, *, bound: float) -> Array:
-    """Trilinear interpolation of grid [G+1, G+1, G+1, C] at points [N, 3]; outside the cube, the nearest face's value.
+    """Linear interpolation along every axis of grid [G+1, ..., G+1, C] at points [N, D]; outside the cube, the nearest face's value.
 
     Returns [N, C].
     """
+    axes = range(grid.ndim - 1)
     resolution = grid.shape[0] - 1
     place = jnp.clip((points / bound + 1.0) * (0.5 * resolution), 0.0, resolution)
     corner = jnp.minimum(place.astype(jnp.int32), resolution - 1)
     fraction = place - corner
     rows = grid.reshape(-1, grid.shape[-1])
     side = resolution + 1
-    first = (corner[:, 0] * side + corner[:, 1]) * side + corner[:, 2]
+    first = reduce(lambda row, axis: row * side + corner[:, axis], axes, jnp.zeros_like(corner[:, 0]))
     total = jnp.zeros((points.shape[0], grid.shape[-1]), grid.dtype)
-    for x, y, z in itertools.product((0, 1), repeat=3):
-        weight = _share(fraction[:, 0], x) * _share(fraction[:, 1], y) * _share(fraction[:, 2], z)
-        total = total + weight[:, None] * rows[first + (x * side + y) * side + z]
+    for ends in itertools.product((0, 1), repeat=len(axes)):
+        weight = reduce(operator.mul, [_share(fraction[:, axis], end) for axis, end in zip(axes, ends)])
+        total = total + weight[:, None] * rows[first + reduce(lambda row, end: row * side + end, ends)]
     return total
 
 
 def total_variation(grid: Array) -> Array:
     """Mean squared difference between neighbouring vertices, summed over the axes; []."""
-    return sum((jnp.mean(jnp.diff(grid, axis=axis) ** 2) for axis in range(3)), start=jnp.zeros(()))
+    return sum((jnp.mean(jnp.diff(grid, axis=axis) ** 2) for axis in range(grid.ndim - 1)), start=jnp.zeros(()))
 
 
 def _share(fraction: Array, side: int) -> Array:

@@ -51,7 +51,7 @@ def hybrid(config: HybridConfig, *, bound: float) -> Field:
             out = (nnx.swish(out) if index else out) @ layer["kernel"] + layer["bias"][None, :]
         return out[:, 0] + initial_shape(gaussians.means, config), nnx.sigmoid(out[:, 1:])
 
-    def penalty(prepared: Params) -> Array:
+    def penalty(key: Array, prepared: Params) -> Array:
         return config.smoothness * total_variation(prepared["grid"])
 
     return Field(init=init, prepare=prepare, apply=apply, penalty=penalty, density_scale=config.density_scale)

@@ -2,51 +2,55 @@
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
 from flax import nnx
+from jax.typing import DTypeLike
 
-from dreamfields_core.config import ResidualMLPConfig
+from dreamfields_core.config import ResidualMLPConfig, SignedDistanceConfig
 from dreamfields_core.fields.contract import Field
-from dreamfields_core.fields.encodings import integrated_encoding, sample_frequencies
+from dreamfields_core.fields.encodings import encode, encoding_size, initial_frequencies
+from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array, Gaussians, Params
 
 
 class Block(nnx.Module):
     """x + Dense(swish(Dense(LayerNorm(x)))), widened in the middle."""
 
-    def __init__(self, config: ResidualMLPConfig, rngs: nnx.Rngs) -> None:
+    def __init__(self, config: ResidualMLPConfig | SignedDistanceConfig, rngs: nnx.Rngs, *, products: DTypeLike) -> None:
         self.norm = nnx.LayerNorm(config.width, rngs=rngs)
-        self.widen = nnx.Linear(config.width, config.bottleneck, rngs=rngs)
-        self.narrow = nnx.Linear(config.bottleneck, config.width, rngs=rngs)
+        self.widen = nnx.Linear(config.width, config.bottleneck, dtype=products, rngs=rngs)
+        self.narrow = nnx.Linear(config.bottleneck, config.width, dtype=products, rngs=rngs)
 
     def __call__(self, hidden: Array) -> Array:
-        return hidden + self.narrow(nnx.swish(self.widen(self.norm(hidden))))
+        return hidden + in_float32(self.narrow(nnx.swish(self.widen(self.norm(hidden)))))
 
 
 class ResidualMLP(nnx.Module):
-    """Encoding -> Dense, swish -> blocks -> Dense, swish -> Dense 4: raw density and colour logits."""
+    """Encoding -> Dense, swish -> blocks -> Dense, swish -> Dense 4: raw density and colour logits.
 
-    def __init__(self, config: ResidualMLPConfig, rngs: nnx.Rngs) -> None:
-        self.frequencies = nnx.Param(sample_frequencies(rngs.params(), config.frequencies, levels=config.levels))
-        self.enter = nnx.Linear(3 + 2 * config.frequencies, config.width, rngs=rngs)
-        self.blocks = nnx.List([Block(config, rngs) for _ in range(config.blocks)])
-        self.leave = nnx.Linear(config.width, config.width, rngs=rngs)
+    The factors of the products between (nine tenths of the work) are of type `products`. All else is float32: sums and norms, the
+    first product, whose encoding bfloat16 would round to one part in 256, and the last, which decides the density.
+    """
+
+    def __init__(self, config: ResidualMLPConfig | SignedDistanceConfig, rngs: nnx.Rngs, *, products: DTypeLike = jnp.float32) -> None:
+        self.frequencies = nnx.Param(initial_frequencies(rngs.params(), config))
+        self.integrated = config.integrated
+        self.enter = nnx.Linear(encoding_size(config), config.width, rngs=rngs)
+        self.blocks = nnx.List([Block(config, rngs, products=products) for _ in range(config.blocks)])
+        self.leave = nnx.Linear(config.width, config.width, dtype=products, rngs=rngs)
         self.out = nnx.Linear(config.width, 4, rngs=rngs)
 
     def __call__(self, gaussians: Gaussians) -> tuple[Array, Array]:
-        # The frequencies travel with the parameters but stay as drawn: no gradient, so Adam never moves them.
-        frequencies = jax.lax.stop_gradient(self.frequencies[...])
-        hidden = nnx.swish(self.enter(integrated_encoding(frequencies, gaussians)))
+        hidden = nnx.swish(self.enter(encode(self.frequencies[...], gaussians, integrated=self.integrated)))
         for block in self.blocks:
             hidden = block(hidden)
-        out = self.out(nnx.swish(self.leave(hidden)))
+        out = self.out(nnx.swish(in_float32(self.leave(hidden))))
         return out[:, 0], nnx.sigmoid(out[:, 1:])
 
 
-def residual_mlp(config: ResidualMLPConfig) -> Field:
+def residual_mlp(config: ResidualMLPConfig, *, products: DTypeLike = jnp.float32) -> Field:
     """The paper's field; 315 k parameters at the paper's sizes."""
-    graph = nnx.graphdef(nnx.eval_shape(lambda: ResidualMLP(config, nnx.Rngs(0))))
+    graph = nnx.graphdef(nnx.eval_shape(lambda: ResidualMLP(config, nnx.Rngs(0), products=products)))
 
     def init(key: Array) -> Params:
         return nnx.to_pure_dict(nnx.state(ResidualMLP(config, nnx.Rngs(params=key))))
@@ -58,6 +62,6 @@ def residual_mlp(config: ResidualMLPConfig) -> Field:
         init=init,
         prepare=lambda params: params,
         apply=apply,
-        penalty=lambda prepared: jnp.zeros(()),
+        penalty=lambda key, prepared: jnp.zeros(()),
         density_scale=1.0,
     )

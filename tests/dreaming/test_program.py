@@ -172,6 +172,17 @@ def test_seeds_differ_from_the_first_step_on() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("regularizer", ["density_noise", "clipped_gated", "beta_prior"])
+def test_it_learns_with_other_regularisers_too(regularizer: str) -> None:
+    run = Run(config_of("hybrid", loss={"regularizer": regularizer, "anneal_steps": 10, "noise_steps": 20}))
+    similarities = [metrics["similarity"] for metrics in run.metrics]
+    assert all(np.isfinite(value) for metrics in run.metrics for value in metrics.values())
+    assert np.mean(similarities[-5:]) > np.mean(similarities[:5]) + 0.1, similarities
+    resumed, _ = run.on(run.middle, STEPS - STEPS // 2)
+    assert_same(state_to_arrays(resumed), run.last)
+
+
+@pytest.mark.slow
 def test_the_origin_stays_where_it_is_not_tracked() -> None:
     program = DreamProgram(config_of("hybrid", scene={"track_origin": False}), ENCODER)
     state, _ = program.step(program.start(), TEXT)

@@ -10,8 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dreamfields_core.config import CameraConfig, LossConfig, OptimConfig
-from dreamfields_core.dreaming.losses import clipped_transmittance, similarity
-from dreamfields_core.dreaming.schedules import geometric, learning_rate, target_transmittance
+from dreamfields_core.dreaming.losses import (
+    beta_prior,
+    clipped_gated,
+    clipped_transmittance,
+    cosines,
+    gated,
+    regularized,
+    similarity,
+)
+from dreamfields_core.dreaming.schedules import density_noise, geometric, learning_rate, target_transmittance
 from dreamfields_core.scene.cameras import FOCAL_UNIT, Pose, sample_poses
 from tests import reference
 
@@ -89,3 +97,75 @@ def test_similarity_is_the_mean_cosine() -> None:
     images, text = images / np.linalg.norm(images, axis=1, keepdims=True), text / np.linalg.norm(text)
     expected = sum(float(image @ text) for image in images) / 6
     assert float(similarity(jnp.asarray(images, jnp.float32), jnp.asarray(text, jnp.float32))) == pytest.approx(expected, abs=2e-7)
+
+
+def test_each_picture_may_have_a_caption_of_its_own() -> None:
+    rng = np.random.default_rng(1)
+    images, texts = rng.normal(size=(4, 5)), rng.normal(size=(4, 5))
+    ours = cosines(jnp.asarray(images, jnp.float32), jnp.asarray(texts, jnp.float32))
+    np.testing.assert_allclose(ours, [float(image @ text) for image, text in zip(images, texts, strict=True)], atol=2e-6)
+
+
+def test_density_noise_falls_evenly_and_then_stays() -> None:
+    loss = LossConfig(noise_start=2.0, noise_end=0.5, noise_steps=100)
+    np.testing.assert_allclose([float(density_noise(jnp.int32(step), loss)) for step in (0, 50, 100, 9999)], [2.0, 1.25, 0.5, 0.5])
+    assert float(density_noise(jnp.int32(9999), LossConfig())) == 1.0
+
+
+def twin_of(name: str, cosines: np.ndarray, transmittance: np.ndarray, target: np.ndarray) -> float:
+    """L_total as the rows of the paper's table 3 say it, view by view, with its weights of 0.5 and 0.001."""
+    copies = len(cosines) // len(target)
+    total = 0.0
+    for view, tau in enumerate(target):
+        cosine = float(cosines[view * copies : (view + 1) * copies].mean())
+        clear = transmittance[view]
+        mean = float(clear.mean())
+        total += {
+            "none": -cosine,
+            "density_noise": -cosine,
+            "beta_prior": -cosine + 1e-3 * float(np.mean(np.log(np.maximum(clear, 1e-6)) + np.log(np.maximum(1 - clear, 1e-6)))),
+            "gated": -mean * cosine,
+            "clipped_gated": -min(tau, mean) * cosine,
+            "clipped_additive": -cosine - 0.5 * min(tau, mean),
+        }[name]
+    return total / len(target)
+
+
+NAMES = ("none", "density_noise", "beta_prior", "gated", "clipped_gated", "clipped_additive")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_regulariser_is_its_row_of_table_3(name: str) -> None:
+    rng = np.random.default_rng(2)
+    transmittance, target = np.float32(rng.uniform(size=(3, 4, 4))), np.float32([0.2, 0.5, 0.9])
+    scores = np.float32(rng.uniform(-1, 1, 6))
+    ours = float(regularized(jnp.asarray(scores), jnp.asarray(transmittance), jnp.asarray(target), LossConfig(regularizer=name)))
+    assert ours == pytest.approx(twin_of(name, np.float64(scores), np.float64(transmittance), np.float64(target)), abs=1e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("value", [0.0, 1e-30, 1e-6, 0.5, 1.0 - 2.0**-24, 1.0])
+def test_every_regulariser_and_its_gradients_are_finite_at_the_ends(name: str, value: float) -> None:
+    def total(scores: jax.Array, transmittance: jax.Array) -> jax.Array:
+        return regularized(scores, transmittance, jnp.array([0.88]), LossConfig(regularizer=name))
+
+    values, gradients = jax.value_and_grad(total, argnums=(0, 1))(jnp.array([0.3, 0.2]), jnp.full((1, 2, 2), value, jnp.float32))
+    assert np.isfinite(values) and all(np.isfinite(gradient).all() for gradient in gradients)
+
+
+def test_the_beta_prior_pushes_each_ray_to_the_end_that_is_nearer() -> None:
+    transmittance = jnp.asarray([[[0.01, 0.3, 0.5, 0.7, 0.99]]])
+    gradient = np.asarray(jax.grad(beta_prior)(transmittance))[0, 0]
+    clear = np.float64(np.asarray(transmittance)[0, 0])
+    np.testing.assert_allclose(gradient, (1 / clear - 1 / (1 - clear)) / 5, rtol=1e-5, atol=1e-6)
+    # Descending, what is nearly clear becomes clear.
+    assert gradient[0] > 0 > gradient[-1]
+
+
+def test_gates_open_for_pictures_that_fit_and_close_at_their_target() -> None:
+    clear, scores, target = jnp.full((1, 2, 2), 0.5), jnp.array([0.4]), jnp.array([0.6])
+    by_score, by_clear = jax.grad(gated, argnums=(0, 1))(scores, clear)
+    np.testing.assert_allclose(by_score, -0.5, rtol=1e-6)  # better pictures, less loss
+    np.testing.assert_allclose(by_clear, -0.4 / 4, rtol=1e-6)  # clearer ones too, as long as they fit
+    np.testing.assert_array_equal(jax.grad(clipped_gated, argnums=1)(scores, clear, target), by_clear)
+    np.testing.assert_array_equal(jax.grad(clipped_gated, argnums=1)(scores, clear + 0.2, target), 0.0)

@@ -9,16 +9,32 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dreamfields_core.config import FieldConfig, HybridConfig, ResidualMLPConfig
+from dreamfields_core.config import (
+    FieldConfig,
+    HybridConfig,
+    ImagePlaneConfig,
+    NeRFMLPConfig,
+    ResidualMLPConfig,
+    SignedDistanceConfig,
+    VoxelGridConfig,
+)
 from dreamfields_core.fields import Field, build_field
 from dreamfields_core.fields.contract import points_as_gaussians
 from dreamfields_core.fields.grids import total_variation
 from dreamfields_core.types import Gaussians
 from tests import reference
+from tests.fields import twins
 
 BOUND = 1.25
 KINDS: dict[str, FieldConfig] = {
     "residual_mlp": ResidualMLPConfig(frequencies=4, levels=3.0, width=8, bottleneck=12, blocks=2),
+    "residual_mlp along the axes": ResidualMLPConfig(fourier=False, levels=2, width=6, bottleneck=8, blocks=1),
+    "residual_mlp at points": ResidualMLPConfig(frequencies=3, levels=3.0, integrated=False, width=6, bottleneck=8, blocks=1),
+    "nerf_mlp": NeRFMLPConfig(levels=2, width=10, depth=4),
+    "nerf_mlp, integrated": NeRFMLPConfig(fourier=True, frequencies=3, integrated=True, levels=2.5, width=8, depth=1),
+    "signed_distance": SignedDistanceConfig(frequencies=4, levels=2.0, width=6, bottleneck=8, blocks=1, eikonal_points=8),
+    "voxel_grid": VoxelGridConfig(resolution=4, spread=0.5, density_scale=20.0),
+    "image_plane": ImagePlaneConfig(azimuth=40.0, resolution=5, extent=0.9, thickness=0.5, spread=0.5),
     "hybrid": HybridConfig(resolutions=(3, 2), features=2, width=4, depth=2, spread=0.5),
     "hybrid, no network": HybridConfig(resolutions=(2, 4), depth=0, spread=0.5),
 }
@@ -38,12 +54,23 @@ class Kind:
         """[N, 4]."""
         rows = []
         for mean, direction, along, across in zip(*(np.asarray(leaf, np.float64) for leaf in jax.tree.leaves(gaussians)), strict=True):
-            if isinstance(self.config, HybridConfig):
-                rows.append(reference.hybrid(params, mean, self.config, BOUND))
-            else:
-                matrix = reference.covariance(direction, along, across)
-                rows.append(reference.residual_mlp(params, reference.encoding(params["frequencies"], mean, matrix)))
+            rows.append(self.twin_of_one(params, mean, reference.covariance(direction, along, across)))
         return np.array(rows)
+
+    def twin_of_one(self, params: dict, mean: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+        match self.config:
+            case HybridConfig():
+                return reference.hybrid(params, mean, self.config, BOUND)
+            case VoxelGridConfig():
+                return twins.voxel_grid(params, mean, BOUND)
+            case ImagePlaneConfig():
+                return twins.image_plane(params, mean, self.config)
+            case SignedDistanceConfig():
+                return twins.signed_distance(params, mean, matrix, self.config.radius)
+        encoded = reference.encoding(params["frequencies"], mean, matrix if self.config.integrated else 0.0 * matrix)
+        if isinstance(self.config, NeRFMLPConfig):
+            return twins.nerf_mlp(params, encoded, self.config.depth)
+        return reference.residual_mlp(params, encoded)
 
 
 @pytest.fixture(scope="module", params=KINDS)
@@ -130,17 +157,36 @@ def test_init_is_decided_by_its_key(kind: Kind) -> None:
         strict=True,
     ):
         np.testing.assert_array_equal(one, same)
-        if not jax.tree_util.keystr(path).endswith(("['bias']", "['scale']")):
+        fixed = ("['bias']", "['scale']", "['log_beta']") + ("['frequencies']",) * (not getattr(kind.config, "fourier", True))
+        if not jax.tree_util.keystr(path).endswith(fixed):
             assert (np.asarray(one) != np.asarray(different)).any(), path
 
 
 def test_penalty_is_a_number_of_its_own_weight(kind: Kind) -> None:
-    penalty = float(jax.jit(lambda params: kind.field.penalty(kind.field.prepare(params)))(kind.params))
+    key = jax.random.key(3)
+    penalty = float(jax.jit(lambda params: kind.field.penalty(key, kind.field.prepare(params)))(kind.params))
     if isinstance(kind.config, HybridConfig):
         grids = doubles(kind.params)["grids"]
         finest = max(kind.config.resolutions)
         whole = sum(kind.config.falloff**n * reference.resample(grids[f"grid{g}"], finest) for n, g in enumerate(kind.config.resolutions))
         assert penalty == pytest.approx(kind.config.smoothness * reference.total_variation(whole), rel=1e-5)
+    elif isinstance(kind.config, VoxelGridConfig):
+        grid = doubles(kind.params)["grid"][..., :1]
+        assert penalty == pytest.approx(kind.config.smoothness * reference.total_variation(grid), rel=1e-5)
+    elif isinstance(kind.config, ImagePlaneConfig):
+        picture = doubles(kind.params)["picture"]
+        rough = sum(float(np.mean(np.diff(picture, axis=axis) ** 2)) for axis in (0, 1))
+        assert penalty == pytest.approx(kind.config.smoothness * rough, rel=1e-5)
+    elif isinstance(kind.config, SignedDistanceConfig):
+        points = jax.random.uniform(key, (8, 3), minval=-BOUND, maxval=BOUND)
+        network = doubles(kind.params)["network"]
+
+        def away(point: np.ndarray) -> float:
+            return twins.distance(network, point, np.zeros((3, 3)), kind.config.radius, integrated=True)[0]
+
+        slopes = [[reference.slope(away, np.float64(point), axis) for axis in np.eye(3)] for point in points]
+        expected = np.mean((np.linalg.norm(slopes, axis=1) - 1.0) ** 2)
+        assert penalty == pytest.approx(kind.config.eikonal * expected, rel=1e-4)
     else:
         assert penalty == 0.0
 

@@ -26,7 +26,7 @@ def ball(*, radius: float, softness: float = 0.0, centers: tuple = ((0.0, 0.0, 0
         init=lambda key: {"density": jnp.ones(())},
         prepare=lambda params: params,
         apply=apply,
-        penalty=lambda prepared: jnp.zeros(()),
+        penalty=lambda key, prepared: jnp.zeros(()),
         density_scale=1.0,
     )
 

@@ -1,0 +1,61 @@
+"""The plain network of NeRF (Mildenhall et al. 2020, appendix A) without the viewing direction: the baseline of the paper's table 1.
+
+Density is rectified by a softplus, as every field's is here; NeRF's own took a ReLU, whose slope is zero wherever nothing is yet.
+"""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from flax import nnx
+from jax.typing import DTypeLike
+
+from dreamfields_core.config import NeRFMLPConfig
+from dreamfields_core.fields.contract import Field
+from dreamfields_core.fields.encodings import encode, encoding_size, initial_frequencies
+from dreamfields_core.precision import in_float32
+from dreamfields_core.types import Array, Gaussians, Params
+
+
+class NeRFMLP(nnx.Module):
+    """Encoding -> `depth` times Dense, ReLU -> Dense 4; the encoding is handed in once more after the middle layer."""
+
+    def __init__(self, config: NeRFMLPConfig, rngs: nnx.Rngs, *, products: DTypeLike = jnp.float32) -> None:
+        self.frequencies = nnx.Param(initial_frequencies(rngs.params(), config))
+        self.integrated, size = config.integrated, encoding_size(config)
+        self.skip = config.depth // 2
+        layers, into = [], size
+        for index in range(config.depth):
+            # The encoding is not rounded to bfloat16, nor is what decides the density.
+            layers.append(nnx.Linear(into, config.width, dtype=products if index not in (0, self.skip + 1) else None, rngs=rngs))
+            into = config.width + (size if index == self.skip else 0)
+        self.layers = nnx.List(layers)
+        self.out = nnx.Linear(into, 4, rngs=rngs)
+
+    def __call__(self, gaussians: Gaussians) -> tuple[Array, Array]:
+        encoded = encode(self.frequencies[...], gaussians, integrated=self.integrated)
+        hidden = encoded
+        for index, layer in enumerate(self.layers):
+            hidden = nnx.relu(in_float32(layer(hidden)))
+            if index == self.skip:
+                hidden = jnp.concatenate([encoded, hidden], axis=-1)
+        out = self.out(hidden)
+        return out[:, 0], nnx.sigmoid(out[:, 1:])
+
+
+def nerf_mlp(config: NeRFMLPConfig, *, products: DTypeLike = jnp.float32) -> Field:
+    """The baseline's field; 494 k parameters at NeRF's own ten levels, as the paper counts them."""
+    graph = nnx.graphdef(nnx.eval_shape(lambda: NeRFMLP(config, nnx.Rngs(0), products=products)))
+
+    def init(key: Array) -> Params:
+        return nnx.to_pure_dict(nnx.state(NeRFMLP(config, nnx.Rngs(params=key))))
+
+    def apply(prepared: Params, gaussians: Gaussians) -> tuple[Array, Array]:
+        return nnx.merge(graph, nnx.State(prepared))(gaussians)
+
+    return Field(
+        init=init,
+        prepare=lambda params: params,
+        apply=apply,
+        penalty=lambda key, prepared: jnp.zeros(()),
+        density_scale=1.0,
+    )
