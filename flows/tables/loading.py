@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from importlib.resources import files
@@ -13,8 +14,8 @@ from dreamfields_core.captions import CaptionError, check
 from dreamfields_core.config import ConfigError
 from flows.tables.types import SIZES, Column, Figure, Reference, Row, Size, Table
 
-FETCHED = ("coco",)
-"""Sets of captions that are not written in a table but fetched from where they were published."""
+NAMED = re.compile(r"coco|embedded:[1-9]\d*(:\d+)?")
+"""Sets of captions that a table names instead of holding them: the published ones, or so many of the embedded language (and their seed)."""
 
 
 class TableError(ValueError):
@@ -116,7 +117,8 @@ def _check(table: Table) -> None:
     columns = {column.name for column in table.columns}
     names = [row.name for row in table.rows]
     _expect(len(set(names)) == len(names), table, f"expected rows of different names, got {', '.join(names)}")
-    for line in (*table.rows, *table.references):
+    lines: list[Row | Reference] = [*table.rows, *table.references]
+    for line in lines:
         for figure in line.paper:
             _expect(figure.column in columns, table, f'row "{line.name}" has a figure in the unknown column "{figure.column}"')
     for size in SIZES:
@@ -131,7 +133,7 @@ def _check(table: Table) -> None:
 
 def _check_captions(table: Table, captions: tuple[str, ...] | str) -> None:
     if isinstance(captions, str):
-        _expect(captions in FETCHED, table, f'expected captions in a list, or a set among {", ".join(FETCHED)}, got "{captions}"')
+        _expect(NAMED.fullmatch(captions), table, f'expected captions in a list, coco or embedded:COUNT, got "{captions}"')
         return
     _expect(bool(captions), table, "expected at least one caption, got none")
     for caption in captions:

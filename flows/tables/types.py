@@ -74,7 +74,7 @@ class Table:
 
     name: of its file. title: one line. source: where in the paper. meaning: what a number in it says.
     presets: by size, the configuration that the rows differ from. common: by size, settings of all rows.
-    captions: by size, the captions themselves, or the name of a set that is fetched ("coco").
+    captions: by size, the captions themselves, or the name of a set: "coco", "embedded:12".
     seeds: by size.
     """
 
