@@ -22,22 +22,17 @@ def report_of(record: StepRecord, found: Sequence[Entry], *, night: Night | None
     """What the page is made of."""
     said = record.values
     table = _table(said["table"])
-    facts = {
-        "captions": said["source"],
-        "objects": str(sum(entry.result is not None and entry.variant != TRUTHS for entry in found)),
-        "date": record.created,
-    }
-    facts |= {"code": record.code_version}
+    facts = {"captions": said["source"], "preset": said["preset"], "date": record.created, "code": record.code_version}
     judges = tuple(dict.fromkeys(judge for entry in found for judge in (entry.result or {}).get("scores", {}))) or tuple(said["judges"])
     size: Size = "draft" if said["preset"] == "draft" else "paper"
     truth = table.references[0].paper if table and table.references else ()
-    rows: tuple[Row, ...] = (Row(TRUTHS, _figures(truth, table, size)),)
-    rows += tuple(Row(row.name, _figures(row.paper, table, size)) for row in table.rows_at(size)) if table else ()
+    rows: tuple[Row, ...] = (Row(TRUTHS, _figures(truth), reference=True),)
+    rows += tuple(Row(row.name, _figures(row.paper)) for row in table.rows_at(size)) if table else ()
     named = {entry.variant for entry in found}
     return Report(
         title=table.title if table else f"Sweep {said['name']}",
         entries=tuple(found),
-        rows=tuple(row for row in rows if row.name in named),
+        rows=tuple(row for row in rows if row.name in named or (row.reference and row.paper)),
         judges=judges,
         night=night,
         facts=facts,
@@ -52,11 +47,6 @@ def _table(name: str | None) -> Table | None:
         return None
 
 
-def _figures(paper: Sequence[TableFigure], table: Table | None, size: Size) -> tuple[Figure, ...]:
-    """The paper's figures under the names of the judges that stand for its columns."""
-    judges = {column.name: column.judges[size] for column in table.columns_at(size)} if table else {}
-    return tuple(
-        Figure(judges[said.column], said.percent / 100, None if said.error is None else said.error / 100, said.overfit)
-        for said in paper
-        if said.column in judges
-    )
+def _figures(paper: Sequence[TableFigure]) -> tuple[Figure, ...]:
+    """The paper's figures under its own names of the judges: the page has a column of its own for each."""
+    return tuple(Figure(said.column, said.percent / 100, None if said.error is None else said.error / 100, said.overfit) for said in paper)

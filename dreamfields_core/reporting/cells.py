@@ -40,6 +40,7 @@ class Line:
     objects: int
     failures: int
     cells: tuple[Cell | None, ...]
+    reference: bool
     ours: Estimate | None
     paper: Estimate | None
 
@@ -54,9 +55,9 @@ class ResultTable:
 
 
 def result_table(report: Report, judge: str) -> ResultTable:
-    """R-Precision of field and mesh in each pool, the fields' difference to the first row that has any, cosine, and the paper's figures."""
+    """R-Precision of field and mesh in each pool, the fields' difference to the first row that was dreamed, cosine, the paper."""
     groups, rows = by_variant(report.entries), all_rows(report)
-    base = next((groups[row.name] for row in rows if row.name in groups), [])
+    base = next((groups[row.name] for row in rows if row.name in groups and not row.reference), [])
     pools = [pool for pool in POOLS if any(precision(group, judge, pool, source) for group in groups.values() for source in SOURCES)]
     papers = tuple(dict.fromkeys(figure.judge for row in report.rows for figure in row.paper))
     columns = [
@@ -70,7 +71,7 @@ def result_table(report: Report, judge: str) -> ResultTable:
         own = any(_guided_by(entry, judge) for entry in group)
         figures = {figure.judge: figure for figure in row.paper}
         cells = [
-            *(cell for pool in pools for cell in _pool_cells(group, base, judge, pool, own=own)),
+            *(cell for pool in pools for cell in _pool_cells(group, base, judge, pool, own=own, reference=row.reference)),
             _cosine(similarity(group, judge, "field")),
             *(
                 _share(_stated(figures[name].mean, figures[name].error), own=figures[name].own) if name in figures else None
@@ -81,7 +82,7 @@ def result_table(report: Report, judge: str) -> ResultTable:
         failures = sum(entry.result is None for entry in group)
         ours = precision(group, judge, pools[0], "field") if pools else None
         paper = _stated(first.mean, first.error) if first else None
-        lines.append(Line(row.name, len(group) - failures, failures, tuple(cells), ours, paper))
+        lines.append(Line(row.name, len(group) - failures, failures, tuple(cells), row.reference, ours, paper))
     return ResultTable(judge, tuple(columns), tuple(_with_best(lines, columns)))
 
 
@@ -111,10 +112,10 @@ def _pool_columns(entries: Sequence[Entry], judge: str, pool: Pool) -> tuple[Col
 
 
 def _pool_cells(
-    group: Sequence[Entry], base: Sequence[Entry], judge: str, pool: Pool, *, own: bool
+    group: Sequence[Entry], base: Sequence[Entry], judge: str, pool: Pool, *, own: bool, reference: bool
 ) -> tuple[Cell | None, Cell | None, Cell | None]:
     field, mesh = (_share(precision(group, judge, pool, source), own=own) for source in SOURCES)
-    moved = improvement(group, base, judge, pool, "field") if group is not base else None
+    moved = improvement(group, base, judge, pool, "field") if group is not base and not reference else None
     return field, mesh, Cell(moved.mean, percent(moved.mean, signed=True), _error(moved)) if moved else None
 
 
@@ -145,15 +146,15 @@ def _guided_by(entry: Entry, judge: str) -> bool:
 
 
 def _with_best(lines: Sequence[Line], columns: Sequence[Column]) -> list[Line]:
-    """The best of each column of R-Precision is marked, over-fit ones aside, where there is anything to compare."""
+    """The best dreams of each column of R-Precision are marked, over-fitted ones aside, where there is anything to compare."""
     marked = [list(line.cells) for line in lines]
+    dreamed = [cells for cells, line in zip(marked, lines) if not line.reference]
     for place, column in enumerate(columns):
         if column.name not in ("Field", "Mesh") and column.group != "Paper":
             continue
-        rivals = [cell for cells in marked if (cell := cells[place]) and not cell.own]
-        best = max((cell.value for cell in rivals), default=math.nan)
-        for cells in marked:
-            cell = cells[place]
-            if cell and not cell.own and len(rivals) > 1 and cell.value == best:
+        rivals = [(cells, cell) for cells in dreamed if (cell := cells[place]) and not cell.own]
+        best = max((cell.value for _, cell in rivals), default=math.nan)
+        for cells, cell in rivals if len(rivals) > 1 else ():
+            if cell.value == best:
                 cells[place] = replace(cell, best=True)
     return [replace(line, cells=tuple(cells)) for line, cells in zip(lines, marked)]

@@ -49,10 +49,15 @@ class Figure:
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the table. name: the variant. paper: what the paper found for it, nothing where it has no such row."""
+    """A row of the table.
+
+    name: the variant. paper: what the paper found for it, nothing where it has no such row. reference: its pictures were not dreamed (the
+    true ones, an oracle): it is neither what differences are to nor the best of anything.
+    """
 
     name: str
     paper: tuple[Figure, ...] = ()
+    reference: bool = False
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ class Markup(str):
     __slots__ = ()
 
 
-Content = str | int | None
+Content = str | int | float | None
 """Markup as it is, other text and numbers escaped, None as nothing."""
 Attribute = str | int | float | bool | None
 """True is the bare name; False and None leave the attribute out."""

@@ -66,8 +66,9 @@ def _sections(report: Report) -> list[tuple[str, str, Markup]]:
 
 
 def _facts(report: Report) -> Markup:
-    objects = sum(entry.result is not None for entry in report.entries)
-    told = {**report.facts, "objects": str(objects), "failures": str(len(report.entries) - objects)}
+    references = {row.name for row in report.rows if row.reference}
+    there = [entry.result is not None for entry in report.entries if entry.variant not in references]
+    told = {**report.facts, "objects": str(sum(there)), "failures": str(len(there) - sum(there))}
     return element("dl", *(element("div", element("dt", name), element("dd", value)) for name, value in told.items()), class_="facts")
 
 
@@ -83,7 +84,7 @@ def _results(report: Report) -> Markup:
         key += [" ", element("span", class_="key paper"), "the paper, by its first judge"]
     notes = (
         "R-Precision is the share of objects whose caption the judge, who sees one held-out view, picks out of all. ± is the standard "
-        "error of the mean over captions: seeds of one caption count as one cluster. Differences are to the first row that has objects, "
+        "error of the mean over captions: seeds of one caption count as one cluster. Differences are to the first row that was dreamed, "
         "over the captions and seeds that both have. Failed dreams are not counted. Bold is the best of a column; (italics) are judged "
         "by the model that guided."
     )

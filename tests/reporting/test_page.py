@@ -42,7 +42,7 @@ def report() -> Report:
         entry("ours", "a blue house", 0, 1),
     ]
     rows = (
-        Row("oracle", (Figure("CLIP B/32", 0.771, 0.034),)),
+        Row("oracle", (Figure("CLIP B/32", 0.771, 0.034),), reference=True),
         Row("none", (Figure("CLIP B/32", 0.314, 0.027), Figure("LiT B/32", 0.889, 0.018, own=True))),
         Row("ours"),
     )
@@ -65,7 +65,7 @@ def test_the_table_says_means_errors_differences_and_the_papers_figures() -> Non
     assert ours["Cosine"] == "0.250 ± 0.000"
     assert oracle["Paper: CLIP B/32"] == "77.1 ± 3.4" and oracle["among 153 captions: Field"] == ""
     page = render_report(report())
-    assert "<b>100.0</b>" in page and "<b>77.1</b>" in page
+    assert "<b>100.0</b>" in page and "<b>77.1</b>" not in page
     assert "<i>(88.9)</i>" in page, "the paper's own over-fit figure is set apart, and never the best"
 
 
@@ -75,6 +75,16 @@ def test_a_judge_that_guided_is_set_apart() -> None:
     cells = {line.variant: line.cells[0] for line in result_table(Report("", objects + rivals, judges=(JUDGE,)), JUDGE).lines}
     assert cells["ours"] and cells["ours"].own and not cells["ours"].best
     assert cells["other"] and not cells["other"].own
+
+
+def test_true_pictures_are_neither_the_base_nor_the_best() -> None:
+    truths = tuple(entry("truth", caption, 0, 1) for caption in ("a red mushroom", "a blue house"))
+    with_truths = replace(report(), entries=truths + report().entries, rows=(Row("truth", reference=True), *report().rows))
+    lines = {line.variant: line for line in result_table(with_truths, JUDGE).lines}
+    assert lines["ours"].cells == {line.variant: line for line in result_table(report(), JUDGE).lines}["ours"].cells
+    first, mesh, difference = lines["truth"].cells[:3]
+    assert first and mesh and first.value == 1 and not first.best and not mesh.best and difference is None
+    assert "objects4failures1" in Reader(render_report(with_truths)).text.replace(" ", "")
 
 
 def test_what_fell_and_what_failed_is_said_in_words() -> None:
