@@ -92,7 +92,8 @@ def coco_sweep(
     there = len(plan.cells) - len(refused) - len(waiting)
     log.info("%s: %d objects, %d there already, %d to dream, %d refused", plan.name, len(plan.cells), there, len(waiting), len(refused))
     errors = _conductor(through, workers, scheduler)(plan, waiting) if waiting else {}
-    record = keep_sweep(plan, place, errors, oracle_of(plan, Place(place)))
+    truths = oracle_of(plan, Place(place, lambda event: log.info("%s", event.get("text"))))
+    record = keep_sweep(plan, place, errors, truths)
     report = report_of(record, list(entries(record, place, plan.out)))
     page = write_page(report, page_of(record, plan.out))
     show_report(report, plan.out)

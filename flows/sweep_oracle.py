@@ -7,6 +7,7 @@ from typing import Any
 
 from flows.recipe import judged_by
 from flows.sweep_plan import Plan
+from flows.sweep_run import sentence
 from storage.artifacts import put_artifact
 from storage.contract import Store
 from tasks.caption_sets import understood
@@ -31,7 +32,13 @@ def _scores(plan: Plan, place: Place) -> Iterator[dict[str, Any]]:
         if truth is None:
             continue
         inputs: dict[str, Input] = {"caption": caption, **truth, **({"pool": pool} if pool else {})}
-        done = {name: perform(ORACLE, place, judged_by(order.config, name), {**inputs, "judge": card(name).digest}) for name in plan.judges}
+        try:
+            done = {
+                name: perform(ORACLE, place, judged_by(order.config, name), {**inputs, "judge": card(name).digest}) for name in plan.judges
+            }
+        except Exception as error:  # a picture that cannot be read costs its own figure, not the sweep
+            place.report({"event": "note", "text": f"the true picture of “{caption}” could not be judged: {sentence(error)}"})
+            continue
         yield {
             "caption": caption,
             "scores": {name: one.record.values for name, one in done.items()},

@@ -93,7 +93,7 @@ def sweep_plainly(plan: Plan) -> int:
         _stop(sweep, working)
         os._exit(INTERRUPTED if isinstance(how, KeyboardInterrupt) else TERMINATED)
     working.result()
-    record = keep_sweep(plan, sweep.store, sweep.errors, oracle_of(plan, Place(sweep.store)))
+    record = keep_sweep(plan, sweep.store, sweep.errors, oracle_of(plan, Place(sweep.store, sweep.hear)))
     page = write_page(report_of(record, list(entries(record, sweep.store, plan.out))), page_of(record, plan.out))
     failures = Counter([cell.error for cell in refused] + list(sweep.errors.values()))
     for text, count in failures.items():
