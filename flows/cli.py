@@ -10,7 +10,7 @@ import typer
 
 from dreamfields_core.captions import CaptionError
 from dreamfields_core.config import ConfigError
-from flows import asset_commands
+from flows import asset_commands, report_command
 from flows.order import OrderError, settle, take_order
 from flows.tables import TableError
 from tasks.encoders import EncoderError, describe_encoders
@@ -109,6 +109,7 @@ def models() -> None:
 
 
 asset_commands.register(app)
+report_command.register(app)
 
 
 def main() -> None:

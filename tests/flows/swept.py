@@ -29,6 +29,7 @@ def keep_dream(store: Store, caption: str, seed: int, *, rank: int = 1, shade: i
             step="dream",
             version=1,
             key=json_digest([caption, seed]),
+            config={"seed": seed},
             inputs={"caption": caption},
             outputs=(
                 put_artifact(store, "turntable.webp", webp_animation(frames), "image/webp"),
