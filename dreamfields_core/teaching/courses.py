@@ -26,8 +26,8 @@ COURSES: dict[str, Course] = {
             Term(2700, 1.2e-3, last=0.46, warm=150),
             Term(900, 5e-4, radius=0.5, ramp=301),
             Term(1500, 6e-4, radius=0.5),
-            Term(4800, 1e-3, alike=8),
-            Term(1800, 6e-4, radius=0.5, ramp=300, alike=8),
+            Term(4200, 1e-3, alike=8),
+            Term(1500, 6e-4, radius=0.5, ramp=300, alike=8),
         ),
     ),
 }
