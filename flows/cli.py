@@ -53,7 +53,7 @@ def dream(
     raise typer.Exit(dream_plainly(order))
 
 
-@app.command(epilog="Example: dreamfields sweep embedded:12 --table table3 --variants none,clipped --seeds 0,1")
+@app.command(epilog="Example: dreamfields sweep embedded:12 --table table3 --variants 'none,clipped additive T' --seeds 0,1")
 def sweep(
     captions: Annotated[
         str | None,
