@@ -44,10 +44,15 @@ def on_every_device(mesh: Mesh | None, tree: Any) -> Any:
 
 
 def batch_over(mesh: Mesh | None, batch: Array) -> Array:
-    """Tell the compiler to deal the first axis of `batch` out to the devices, where that goes evenly."""
+    """Tell the compiler to deal the first axis of `batch` out to the devices, where that goes evenly, and only from here on.
+
+    What `batch` is made of is computed on each device whole: left to itself, the compiler would cut up the Fourier transforms
+    behind it too, and compiles those for a CPU into what then refuses to run.
+    """
     if mesh is None or batch.shape[0] % mesh.size:
         return batch
-    return jax.lax.with_sharding_constraint(batch, NamedSharding(mesh, PartitionSpec(AXIS)))
+    whole = jax.lax.with_sharding_constraint(batch, NamedSharding(mesh, PartitionSpec()))
+    return jax.lax.with_sharding_constraint(whole, NamedSharding(mesh, PartitionSpec(AXIS)))
 
 
 def render_rays_over(
@@ -82,4 +87,6 @@ def render_rays_over(
     everywhere = jax.shard_map(one, mesh=mesh, in_specs=(same, same, dealt, same, same), out_specs=(dealt, same), check_vma=False)
     hands = jax.tree.map(lambda leaf: leaf.reshape(-1, mesh.size, *leaf.shape[1:]), rays)
     rendering, tally = everywhere(key, prepared, hands, origin, occupancy)
-    return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), rendering), tally
+    # Pixels are few: every device has all of them from here on, so that the compiler invents no way of its own to cut them up.
+    pixels = jax.lax.with_sharding_constraint(rendering, NamedSharding(mesh, same))
+    return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), pixels), tally
