@@ -110,6 +110,7 @@ def _tell(console: Console, order: Order, result: dict[str, Any], *, all_cached:
     closed = "closed" if counts["watertight"] else "not closed"
     lines = [
         f"mesh           {order.folder / 'mesh.glb'} ({counts['faces']} faces, {closed})",
+        f"in 3D          {order.folder / 'view.html'} (opens in any browser, needs no network)",
         f"contact sheet  {order.folder / 'contact_sheet.png'}",
         f"turntable      {order.folder / 'turntable.mp4'}",
         f"all the facts  {order.folder / 'result.json'}",

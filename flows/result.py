@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 from flows.order import Order
 from flows.recipe import STEPS, Dream
-from storage.artifacts import ArtifactRef, export
+from flows.view import VIEW, view_page
+from storage.artifacts import ArtifactRef, export, get_artifact
 from storage.contract import Store
 from storage.digests import json_digest
 from storage.local import write_file
@@ -15,8 +17,10 @@ from storage.steps import StepRecord, find_record, put_record
 from tasks.encoders import card
 from tasks.version import code_version
 
-KEEPSAKES = ("mesh.glb", "contact_sheet.png", "turntable.mp4", "turntable.webp", "preview.png", "field.safetensors", "history.npz")
-"""Outputs that are copied into the folder; the others stay in the store."""
+KEEPSAKES = re.compile(
+    r"mesh(_lod\d+)?\.glb|(mesh_)?turntable\w*\.mp4|turntable\.webp|contact_sheet\.png|preview\.png|field\.safetensors|history\.npz"
+)
+"""Names of outputs that are copied into the folder; the others stay in the store."""
 FACTS = ("preset", "seed", "config_digest", "encoders", "unknown_words", "seconds", "scores", "mesh")
 """What the record in the store holds of result.json beside its own fields."""
 
@@ -27,9 +31,11 @@ def leave(order: Order, dream: Dream, store: Store) -> dict[str, Any]:
     Raises: StorageError.
     """
     result = describe(order, dream, store)
-    for ref in outputs(dream):
-        if ref.name in KEEPSAKES:
-            export(store, ref, order.folder / ref.name)
+    kept = [ref for ref in outputs(dream) if KEEPSAKES.fullmatch(ref.name)]
+    for ref in kept:
+        export(store, ref, order.folder / ref.name)
+    page = view_page(result, get_artifact(store, dream.mesh.output("mesh.glb")), [ref.name for ref in kept])
+    write_file(order.folder / VIEW, page)
     put_record(store, _record(order, dream, result))
     write_file(order.folder / "result.json", (json.dumps(result, indent=2, ensure_ascii=False) + "\n").encode())
     return result

@@ -14,6 +14,7 @@ from dreamfields_core.config import EvaluateConfig
 from dreamfields_core.fields.contract import points_as_gaussians
 from dreamfields_core.meshing import Asset, Look, Seen, extract_mesh, fidelity, from_glb, to_glb
 from dreamfields_core.scene.cameras import camera_rays, poses_at
+from tasks.film import keep_films, mesh_turntable
 from tasks.finished_field import FinishedField, unpack_field, view_by
 from tasks.provenance import provenance
 from tasks.step import Made, Work
@@ -36,7 +37,8 @@ def mesh(work: Work) -> Made:
     seen = _seen(dream, look, look.azimuths, look.elevation, HELD_OUT_SIZE)
     # What is judged is what the files hold.
     faithful = [asdict(fidelity(from_glb(data), seen)) for data in files.values()]
-    return Made(tuple(work.keep(name, data, "model/gltf-binary") for name, data in files.items()), _values(asset, faithful))
+    film = keep_films(work, "mesh_turntable", mesh_turntable(from_glb(files["mesh.glb"]), dream.origin, look))
+    return Made((*(work.keep(name, data, "model/gltf-binary") for name, data in files.items()), *film), _values(asset, faithful))
 
 
 def file_name(level: int) -> str:

@@ -1,4 +1,4 @@
-"""field -> pictures: the held-out views that are judged, a contact sheet and a turntable for people."""
+"""field -> pictures: the held-out views that are judged, a contact sheet and turntables for people."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import io
 import numpy as np
 
 from dreamfields_core.rendering.images import on_shade, on_white
-from dreamfields_core.rendering.pictures import BACKDROP, contact_sheet, picture, png, webp_animation
+from dreamfields_core.rendering.pictures import BACKDROP, contact_sheet, depth_shades, picture, png, transmittance_shades
 from dreamfields_core.scene.cameras import Pose, poses_at
 from dreamfields_core.types import Rendering
-from tasks.film import mp4
+from tasks.film import full_turn, keep_films
 from tasks.finished_field import unpack_field, view_by
 from tasks.step import Made, Work
 
@@ -24,17 +24,25 @@ def render(work: Work) -> Made:
         return poses_at(azimuths, look.elevation, radius=look.radius, focal=look.focal)
 
     judged, shown = closely(around(look.azimuths), work.number("size")), quickly(around(look.azimuths), look.picture_size)
-    turn = tuple(360.0 * frame / look.turntable_frames for frame in range(look.turntable_frames))
-    frames = list(picture(on_shade(quickly(around(turn), look.picture_size), BACKDROP)))
+    turning = quickly(around(full_turn(look.turntable_frames)), look.picture_size)
     return Made(
         (
             work.keep("views.npz", _views(judged, np.asarray(dream.origin)), "application/x-npz"),
             work.keep("contact_sheet.png", png(contact_sheet(shown, work.text("caption"))), "image/png"),
-            work.keep("turntable.mp4", mp4(frames), "video/mp4"),
-            work.keep("turntable.webp", webp_animation(frames), "image/webp"),
+            *(ref for name, frames in _turntables(turning).items() for ref in keep_films(work, name, frames)),
         ),
         {"opacity": float(1 - shown.transmittance.mean())},
     )
+
+
+def _turntables(turning: Rendering) -> dict[str, list[np.ndarray]]:
+    """One rendering gives all three: colour, depth and transmittance."""
+    shades = {
+        "turntable": on_shade(turning, BACKDROP),
+        "turntable_depth": depth_shades(turning),
+        "turntable_transmittance": transmittance_shades(turning),
+    }
+    return {name: list(picture(images)) for name, images in shades.items()}
 
 
 def _views(judged: Rendering, origin: np.ndarray) -> bytes:

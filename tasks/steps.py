@@ -34,7 +34,7 @@ OPTIMIZE = Step(
 
 RENDER = Step(
     "render",
-    2,
+    3,
     (
         "evaluate.azimuths",
         "evaluate.elevation",
@@ -46,17 +46,18 @@ RENDER = Step(
     ),
     Later("tasks.render:render"),
 )
-"""field, caption, size (pixels that the judge sees) -> views.npz, contact_sheet.png, turntable.mp4, turntable.webp."""
+"""field, caption, size (pixels that the judge sees) -> views.npz, contact_sheet.png; turntable, turntable_depth, turntable_transmittance,
+each .mp4 and .webp."""
 
 MESH = Step(
     "mesh",
     3,
     # What decided the field decides the mesh too, and its file says so.
-    (*OPTIMIZE.reads, "mesh", "evaluate.azimuths", "evaluate.elevation", "evaluate.radius", "evaluate.focal", "evaluate.samples"),
+    (*OPTIMIZE.reads, "mesh", *RENDER.reads),
     Later("tasks.mesh:mesh"),
 )
-"""field, caption, guide (digest) -> mesh.glb, mesh_lod1.glb ...; values: counts before and after simplification, level, agreement
-with the silhouettes, fidelity to the field from held-out cameras."""
+"""field, caption, guide (digest) -> mesh.glb, mesh_lod1.glb ..., mesh_turntable.mp4 and .webp; values: counts before and after
+simplification, level, agreement with the silhouettes, fidelity to the field from held-out cameras."""
 
 SCORE = Step("score", 1, ("evaluate",), Later("tasks.score:score"))
 """views, mesh, caption, judge (digest) -> values: for field and mesh, for each pool of captions, what the judge retrieves."""

@@ -9,12 +9,19 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 CHROMIUM = next((found for name in ("chromium", "chromium-browser", "google-chrome", "chrome") if (found := shutil.which(name))), None)
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--hide-scrollbars", "--disable-component-update")
+SOFTWARE_GL = (
+    *(flag for flag in FLAGS if flag != "--disable-gpu"),
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
+"""For pages with WebGL, on machines without a graphics card."""
 LAUNCH = """
 import fcntl, os, sys
 ends = [fcntl.fcntl(int(end), fcntl.F_DUPFD, 10) for end in sys.argv[1:3]]
@@ -30,7 +37,7 @@ PATIENCE = 60.0
 class Browser:
     """One page. `requests`: every address asked for. `complaints`: errors of the console, of scripts and of loading."""
 
-    def __init__(self, profile: Path, *, width: int = 1280, height: int = 900) -> None:
+    def __init__(self, profile: Path, *, width: int = 1280, height: int = 900, flags: Sequence[str] = FLAGS) -> None:
         assert CHROMIUM, "no Chromium"
         self.requests: list[str] = []
         self.complaints: list[str] = []
@@ -38,7 +45,7 @@ class Browser:
         to_read, self._write = os.pipe()
         self._read, to_write = os.pipe()
         launch = [sys.executable, "-c", LAUNCH, str(to_read), str(to_write), CHROMIUM]
-        command = [*launch, *FLAGS, f"--user-data-dir={profile}", "--remote-debugging-pipe"]
+        command = [*launch, *flags, f"--user-data-dir={profile}", "--remote-debugging-pipe"]
         self._process = subprocess.Popen(command, pass_fds=(to_read, to_write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(to_read)
         os.close(to_write)
