@@ -167,8 +167,8 @@ class DreamProgram:
         shape = rays.radii.shape[:-1]
         flat: Rays = jax.tree.map(lambda leaf: leaf.reshape(-1, leaf.shape[-1]), rays)
         rendering, tally = render_rays_over(
-            self.mesh,
             key,
+            self.mesh,
             field,
             prepared,
             flat,

@@ -56,8 +56,8 @@ def batch_over(mesh: Mesh | None, batch: Array) -> Array:
 
 
 def render_rays_over(
-    mesh: Mesh | None,
     key: Array | None,
+    mesh: Mesh | None,
     field: Field,
     prepared: Params,
     rays: Rays,
