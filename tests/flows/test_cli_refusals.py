@@ -50,6 +50,11 @@ REFUSALS = [
     (["sweep", "embedded:2", "--seeds", "0,x"], "whole numbers as seeds"),
     (["settings", "--preset", "hgih"], "a preset among"),
     (["draem", CAPTION], "draem"),
+    (["mesh", CAPTION], "a dream's folder, or a record's key or a caption"),
+    (["mesh", CAPTION, "--format", "fbx"], "a format among glb"),
+    (["pull"], "a store with dreams in it"),
+    (["pull", "--format", "fbx"], "a format among glb"),
+    (["pull", "--since", "yesterday"], "a date such as 2026-11-21"),
 ]
 
 
@@ -74,7 +79,7 @@ def test_refused(
     assert not list(home.rglob("result.json")) and not list(home.rglob("runs"))
 
 
-@pytest.mark.parametrize("command", [[], ["dream"], ["sweep"], ["settings"], ["models"]])
+@pytest.mark.parametrize("command", [[], ["dream"], ["sweep"], ["settings"], ["models"], ["mesh"], ["pull"]])
 def test_help_has_an_example(command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(*command, "--help", monkeypatch=monkeypatch, capsys=capsys)
     assert code == 0
