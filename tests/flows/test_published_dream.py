@@ -9,7 +9,7 @@ import pytest
 from tasks.encoders import card
 from tests.flows.conftest import Dreams
 from tests.flows.test_cli_refusals import run
-from tests.tasks import small_clip
+from tests.tasks import full_clip, small_clip
 
 
 @pytest.mark.slow
@@ -24,6 +24,17 @@ def test_a_dream_goes_the_whole_way_under_published_models(dreams: Dreams, tmp_p
     assert result["encoders"]["same_model"] is False
     assert result["config"]["guidance"]["captions"] == "views"
     assert -1 <= result["scores"][names[-1]]["cosine"] <= 1
+    assert (folder / "mesh.glb").stat().st_size > 0
+
+
+@pytest.mark.slow
+def test_a_dream_goes_the_whole_way_under_clip_b32_by_its_short_name(
+    dreams: Dreams, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The model has its real size and lies where the hub's client would have put it; 600 MB on disk."""
+    monkeypatch.setenv("HF_HOME", str(full_clip.write(tmp_path / "home")))
+    _, result, folder = dreams.dream("--guidance", "clip-vit-b32", "--set", "optim.steps=3", caption="a bust of marble")
+    assert result["encoders"]["guidance"]["name"] == "clip-vit-b32" and result["seconds"]["optimize"] > 0
     assert (folder / "mesh.glb").stat().st_size > 0
 
 
