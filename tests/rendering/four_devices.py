@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import jax
 import jax.numpy as jnp
@@ -13,13 +12,13 @@ from dreamfields_core.dreaming.program import DreamProgram
 from dreamfields_core.dreaming.state import state_from_arrays, state_to_arrays
 from tests.dreaming.test_program import ENCODER, TEXT, config_of
 
-STEPS = 12
+FIELD, STEPS = "hybrid", 12
 """So many that the occupancy grid is in use: it is refreshed from step 8 on."""
 
 
-def dream(field: str, devices: int | None) -> dict:
+def dream(devices: int) -> dict:
     """A short dream: metrics of each step, and how far each parameter went from where it started."""
-    config = config_of(field)
+    config = config_of(FIELD)
     render = config.render.model_copy(update={"devices": devices})
     program = DreamProgram(config.model_copy(update={"render": render}), ENCODER)
     start = state_to_arrays(program.start())
@@ -39,7 +38,7 @@ def refusals() -> list[str]:
     said = []
     for devices in (3, 8):
         try:
-            dream("hybrid", devices)
+            dream(devices)
         except ValueError as error:
             said.append(str(error))
     return said
@@ -47,10 +46,9 @@ def refusals() -> list[str]:
 
 def main() -> None:
     assert len(jax.devices()) == 4 and jnp.zeros(()).dtype == jnp.float32
-    field = sys.argv[1]
-    free = DreamProgram(config_of(field), ENCODER).mesh
+    free = DreamProgram(config_of(FIELD), ENCODER).mesh
     assert free is not None and free.size == 4, "all devices are taken where nothing else is said"
-    print(json.dumps({"one": dream(field, 1), "four": dream(field, 4), "refusals": refusals()}))
+    print(json.dumps({"one": dream(1), "four": dream(4), "refusals": refusals()}))
 
 
 if __name__ == "__main__":

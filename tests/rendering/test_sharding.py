@@ -19,11 +19,10 @@ REPO = Path(__file__).resolve().parent.parent.parent
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("field", ["hybrid", "residual_mlp"])
-def test_four_devices_dream_what_one_does(field: str) -> None:
+def test_four_devices_dream_what_one_does() -> None:
     flags = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=4"
     environment = os.environ | {"XLA_FLAGS": flags, "PYTHONPATH": str(REPO), "JAX_PLATFORMS": "cpu"}
-    command = [sys.executable, "-m", "tests.rendering.four_devices", field]
+    command = [sys.executable, "-m", "tests.rendering.four_devices"]
     done = subprocess.run(command, cwd=REPO, env=environment, capture_output=True, text=True, timeout=280, check=False)
     assert done.returncode == 0, done.stderr[-3000:]
     said = json.loads(done.stdout.splitlines()[-1])
@@ -33,12 +32,12 @@ def test_four_devices_dream_what_one_does(field: str) -> None:
     assert [dream["compiled"] for dream in (one, four)] == [1, 1]
     for step, (row, other) in enumerate(zip(one["rows"], four["rows"], strict=True)):
         # The same rays, samples and random numbers; sums in another order, whose rounding grows with every step of Adam.
-        for name, value in row.items():
-            assert other[name] == pytest.approx(value, rel=2e-4, abs=2e-5 * (step + 1)), (step, name)
-        assert other["evaluated"] == pytest.approx(row["evaluated"], abs=2e-3)
+        for name, value in (row | {"evaluated": other["evaluated"]}).items():
+            assert other[name] == pytest.approx(value, rel=1e-5, abs=2e-6 * (step + 1)), (step, name)
+        assert other["evaluated"] == pytest.approx(row["evaluated"], abs=2e-3)  # a sample on the edge of a cell
     for name, moved in one["moved"].items():
         length = np.linalg.norm(moved)
-        assert np.linalg.norm(np.array(four["moved"][name]) - moved) <= 5e-3 * length + 1e-6, name
+        assert np.linalg.norm(np.array(four["moved"][name]) - moved) <= 1e-4 * length + 1e-6, name
     assert said["refusals"] == [
         "expected render.devices to divide the 128 rays of a step, got 3: change it, or render.size",
         "expected at most 4 for render.devices, the number of devices here, got 8",
