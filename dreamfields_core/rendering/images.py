@@ -12,7 +12,7 @@ import numpy as np
 from dreamfields_core.config import SkipConfig
 from dreamfields_core.fields.contract import Field
 from dreamfields_core.rendering.occupancy import Occupancy
-from dreamfields_core.rendering.render import render_rays
+from dreamfields_core.rendering.refining import render_refined
 from dreamfields_core.scene.cameras import Pose, camera_rays
 from dreamfields_core.types import Array, Params, Rays, Rendering
 
@@ -25,7 +25,7 @@ def view_renderer(
 ) -> Callable[[Pose, int], Rendering]:
     """A function (pose [], size) -> Rendering of NumPy arrays [size, size, ...], without jitter, compiled once for all sizes."""
     prepared = jax.jit(field.prepare)(params)
-    block = jax.jit(partial(render_rays, None, field, samples=samples, bound=bound, skip=skip))
+    block = jax.jit(partial(render_refined, field, samples=samples, bound=bound, skip=skip))
 
     def render_view(pose: Pose, size: int) -> Rendering:
         rays = camera_rays(pose, origin, size=size)
