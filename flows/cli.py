@@ -112,6 +112,21 @@ asset_commands.register(app)
 report_command.register(app)
 
 
+@app.command(
+    epilog="Example: dreamfields bench step --poses 3, from a checkout",
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+)
+def bench(
+    context: typer.Context,
+    name: Annotated[str, typer.Argument(help="step, render, dream, mesh, encoder or store; its options follow (benchmarks/NAME.py).")],
+    out: Annotated[Path | None, typer.Option(help="Folder of the JSON and the plot; benchmarks/results if none.")] = None,
+) -> None:
+    """Measure time against error, ours against the dense path, in one run."""
+    from flows.measuring import measure
+
+    measure(name, context.args, out=out)
+
+
 def main() -> None:
     """Run the command. Exit codes: 0 done, 1 failed, 2 refused before any work, 130 interrupted; a sentence on stderr says why."""
     try:

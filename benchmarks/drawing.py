@@ -1,0 +1,28 @@
+"""Plots of results: log axes, one look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+
+
+@contextmanager
+def sheet(path: Path, *, panels: int = 1, rows: int = 1) -> Iterator[list[Axes]]:
+    """So many panels side by side, in so many rows, one list of all; saved as `path` in the end."""
+    figure, axes = plt.subplots(rows, panels, figsize=(5.0 * panels, 4.0 * rows), squeeze=False, layout="constrained")
+    try:
+        yield list(axes.ravel())
+        for panel in axes.ravel():
+            panel.grid(alpha=0.25, which="both", linewidth=0.5)
+            if panel.get_legend_handles_labels()[0]:
+                panel.legend(fontsize=8, frameon=False)
+        figure.savefig(path, dpi=110)
+    finally:
+        plt.close(figure)
