@@ -22,7 +22,7 @@ class Share:
     of: int = flax.struct.field(pytree_node=False)
 
 
-def uniform(key: Array, shape: tuple[int, int], share: Share | None) -> Array:
+def uniform(key: Array, shape: tuple[int, ...], share: Share | None) -> Array:
     """Numbers in [0, 1) for the rays of a share, [R, S] = `shape`; None means that the share is everything.
 
     The numbers of all rays are asked for and those of others dropped: the generator counts, it does not walk, so that a compiler
