@@ -71,7 +71,7 @@ def extract_mesh(
     look: Look = Look(),
     loose_share: float = 0.01,
     batch: int = 32768,
-    timeout: float = 300.0,
+    timeout: float = 1800.0,
     progress: Progress | None = None,
 ) -> Asset:
     """Field -> level -> iso-surface -> cleaning -> simplification -> normals, charts, colours.

@@ -26,7 +26,7 @@ class Simplified:
     crossing: int
 
 
-def simplify(mesh: Mesh, faces: int, *, loose_share: float = 0.01, timeout: float = 300.0, command: Sequence[str] = WORKER) -> Mesh:
+def simplify(mesh: Mesh, faces: int, *, loose_share: float = 0.01, timeout: float = 1800.0, command: Sequence[str] = WORKER) -> Mesh:
     """A clean mesh of at most `faces` faces; see `simplify_levels`."""
     return simplify_levels(mesh, (faces,), loose_share=loose_share, timeout=timeout, command=command)[0].mesh
 
@@ -38,7 +38,7 @@ def simplify_levels(
     error: float | None = None,
     smooth: int = 0,
     loose_share: float = 0.01,
-    timeout: float = 300.0,
+    timeout: float = 1800.0,
     command: Sequence[str] = WORKER,
 ) -> list[Simplified]:
     """Clean meshes of at most so many faces each, where the topology allows as few; colours are dropped.

@@ -17,7 +17,7 @@ GUTTER = 10
 """Texels between charts on a sheet of 1024: two texels of the mip level 4 times smaller, for the packer makes its sheet a third larger."""
 
 
-def unwrap(mesh: Mesh, size: int, *, timeout: float = 300.0, command: Sequence[str] = WORKER) -> tuple[Mesh, np.ndarray]:
+def unwrap(mesh: Mesh, size: int, *, timeout: float = 1800.0, command: Sequence[str] = WORKER) -> tuple[Mesh, np.ndarray]:
     """(the same surface with uv [W, 2] in [0, 1] for a square texture of `size` texels, source [W]: the vertex that each one was).
 
     Vertices on seams are doubled; faces keep their order.

@@ -26,6 +26,12 @@ def plate(points: np.ndarray) -> np.ndarray:
     return np.minimum(0.7 - np.abs(points[:, :2]).max(axis=1), 0.012 - np.abs(points[:, 2] - 0.003))
 
 
+def wire(points: np.ndarray) -> np.ndarray:
+    """A tilted hoop whose thickness is less than a coarse cell."""
+    x, y, z = points[:, 0], 0.8 * points[:, 1] - 0.6 * points[:, 2], 0.6 * points[:, 1] + 0.8 * points[:, 2]
+    return 0.012 - np.hypot(np.hypot(x, y) - 0.61, z)
+
+
 def gyroid(points: np.ndarray) -> np.ndarray:
     """A wall of many handles, cut off by a ball."""
     x, y, z = 6 * points.T
@@ -46,7 +52,9 @@ def through_the_wall(points: np.ndarray) -> np.ndarray:
     return sphere(points, 0.6, (0.8, 0.8, 0.0))
 
 
-SHAPES: dict[str, Shape] = {shape.__name__: shape for shape in (sphere, torus, box, plate, gyroid, two_spheres, specks, through_the_wall)}
+SHAPES: dict[str, Shape] = {
+    shape.__name__: shape for shape in (sphere, torus, box, plate, wire, gyroid, two_spheres, specks, through_the_wall)
+}
 
 VOLUMES = {
     "sphere": 4 / 3 * np.pi * 0.6**3,
@@ -56,7 +64,7 @@ VOLUMES = {
     "two_spheres": 4 / 3 * np.pi * (0.3**3 + 0.2**3),
 }
 
-HANDLES = {"sphere": 2, "torus": 0, "box": 2, "plate": 2, "two_spheres": 4, "specks": 4, "through_the_wall": 2}
+HANDLES = {"sphere": 2, "torus": 0, "box": 2, "plate": 2, "wire": 0, "two_spheres": 4, "specks": 4, "through_the_wall": 2}
 """Euler characteristics."""
 
 

@@ -22,6 +22,7 @@ SETTINGS = (
     "evaluate.turntable_frames=4",
     "mesh.resolution=32",
     "mesh.faces=800",
+    "mesh.texture=256",
 )
 
 
