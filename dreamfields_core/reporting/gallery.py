@@ -150,4 +150,7 @@ def _more(entry: Entry, judges: Sequence[str]) -> Markup | None:
         parts.append(element("table", element("thead", element("tr", *heads)), element("tbody", *ranks)))
     if seconds := (entry.result or {}).get("seconds"):
         parts.append(element("p", f"{sum(seconds.values()):,.0f} s in all", class_="quiet"))
-    return element("details", element("summary", "Curves and ranks"), *parts) if parts else None
+    # In a template they cost nothing until somebody asks: hiding a thousand cards with their curves took seconds.
+    return (
+        element("details", element("summary", "Curves and ranks"), element("template", *parts), class_="scripted-only") if parts else None
+    )

@@ -1,4 +1,4 @@
-"""What the page can do: sort, filter, turn. Without script everything is still there to be read."""
+"""What the page can do: sort, filter, turn, unfold. Without script all is there to be read but each object's own curves and ranks."""
 
 SCRIPT = """
 "use strict";
@@ -61,19 +61,22 @@ SCRIPT = """
     buttons.forEach(show);
   });
 
-  // Filtering.
-  const cards = all("#objects > li");
+  // Unfolding: what a card holds back is made when it is first opened.
+  for (const details of all("#objects details")) details.addEventListener("toggle", () => {
+    const held = details.querySelector("template");
+    if (held) held.replaceWith(held.content);
+  });
+
+  // Filtering: cards that do not fit are taken out, which costs less than to hide them.
+  const list = at("objects"), cards = [...list.children];
   const filter = () => {
     const words = at("find").value.toLowerCase().split(/\\s+/).filter(Boolean), variant = at("variant").value, state = at("state").value;
-    let left = 0;
-    for (const card of cards) {
-      const data = card.dataset;
+    const left = cards.filter(({ dataset: data }) => {
       const asked = (!variant || data.variant === variant) && (!state || data.state === state);
-      const fits = asked && words.every((word) => data.text.includes(word));
-      card.hidden = !fits;
-      left += fits;
-    }
-    at("count").textContent = `${left} of ${cards.length} objects`;
+      return asked && words.every((word) => data.text.includes(word));
+    });
+    list.replaceChildren(...left);
+    at("count").textContent = `${left.length} of ${cards.length} objects`;
   };
   for (const name of ["find", "variant", "state"]) if (at(name)) at(name).addEventListener("input", filter);
   const form = document.querySelector("form.filter");

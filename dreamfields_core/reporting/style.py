@@ -64,7 +64,6 @@ html:not(.scripted) .scripted-only { display: none; }
   grid-template-columns: repeat(auto-fill, minmax(min(13.5rem, 100%), 1fr)); align-items: start; }
 .card { background: var(--card); border: 1px solid var(--line); border-radius: 6px; padding: .6rem; content-visibility: auto;
   contain-intrinsic-size: auto 23rem; font-size: .9rem; min-width: 0; }
-.card[hidden] { display: none; }
 .card p { margin: .3rem 0 0; }
 .card .caption { font-size: 1.05rem; line-height: 1.3; margin-top: .6rem; }
 .picture { display: block; width: 100%; padding: 0; border: 0; background: #cccccc; aspect-ratio: 1; border-radius: 3px; overflow: hidden; }

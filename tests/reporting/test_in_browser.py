@@ -88,8 +88,8 @@ def test_filters_leave_what_fits(shown: Browser) -> None:
         for name in ("find", "variant", "state"):
             box, value = f"document.getElementById('{name}')", json.dumps(asked.get(name, ""))
             shown.evaluate(f"{box}.value = {value}; {box}.dispatchEvent(new Event('input'))")
-        visible = "[...document.querySelectorAll('#objects > li')].flatMap((card, i) => card.checkVisibility() ? [i] : [])"
-        found = shown.evaluate(visible)
+        seeds = "[...document.querySelectorAll('#objects > li')].map(card => Number(card.dataset.text.split('seed ').pop()))"
+        found = shown.evaluate(seeds)
         assert shown.evaluate("document.getElementById('count').textContent") == f"{len(found)} of 10 objects"
         return found
 
@@ -116,6 +116,14 @@ def test_a_pressed_picture_turns_and_all_in_view_can(shown: Browser) -> None:
     shown.wait(f"{button}.firstChild.src.includes('turn')")
     shown.evaluate("document.getElementById('turn-all').click()")
     shown.wait("[...document.images].every(image => image.src.includes('still'))")
+
+
+def test_a_card_unfolds_its_curves_and_ranks(shown: Browser) -> None:
+    held = "document.querySelector('#objects details')"
+    assert shown.evaluate(f"{held}.querySelectorAll('svg, table').length") == 0
+    shown.evaluate(f"{held}.open = true")
+    shown.wait(f"{held}.querySelectorAll('svg').length === 2")
+    assert "4 of 153" in shown.evaluate(f"{held}.querySelector('table').textContent")
 
 
 def test_no_caption_ran_and_directions_are_kept(shown: Browser) -> None:
