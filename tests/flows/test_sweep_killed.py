@@ -20,7 +20,7 @@ from tests.tasks.tiny import SETTINGS
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.timeout(1800),
+    pytest.mark.timeout(3600),
     pytest.mark.skipif(sys.platform != "linux", reason="looks at processes through /proc"),
 ]
 CAPTIONS, SEEDS, VARIANTS = "embedded:2", [0], ["90 degrees", "360 degrees"]
@@ -89,6 +89,14 @@ def test_killed_twice_a_sweep_ends_with_the_same_scores_and_no_finished_step_is_
     assert site.state(again) == "Completed" and len(site.runs("dream")) == runs
     assert finished_steps(store) == seen[-1]
     assert len(list(out.glob("*.html"))) == 1
+
+    lost = store.list("artifacts/dream")[0]
+    store.delete(lost)
+    pooled = swept(site, out, through="pool")
+    wait_for(lambda: site.state(pooled) in ("Completed", "Failed", "Crashed"), LONGEST)
+    assert site.state(pooled) == "Completed" and dreams(store) == OBJECTS
+    assert len(site.runs("dream")) == runs + 1, "only what was missing is a run of its own"
+    assert {key: data for key, data in seen[-1].items() if key != lost}.items() <= finished_steps(store).items()
 
     settings = [text for setting in SETTINGS for text in ("--set", setting)]
     plain = Process("flows.cli", "sweep", CAPTIONS, "--table", "cameras", "--variants", ",".join(VARIANTS), "--seeds", "0", *settings,
