@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -52,15 +51,18 @@ def single(history: History, quantity: str) -> Band | None:
 
 
 def mean_curve(entries: Iterable[Entry], quantity: str) -> Band | None:
-    """The mean over objects, step by step, with the standard error clustered by caption; None where no object has the quantity."""
-    at_step: defaultdict[float, list[tuple[float, str]]] = defaultdict(list)
-    for entry in entries:
-        for step, value in zip(*known(entry.history or {"step": ()}, quantity)):
-            at_step[step].append((value, entry.caption))
-    if not at_step:
+    """The mean over objects with the standard error clustered by caption, at the steps of the longest curve; None where there is no curve.
+
+    A dream that ended earlier counts on with its last value: it stays as it was left.
+    """
+    curves = [(entry.caption, *known(entry.history, quantity)) for entry in entries if entry.history]
+    curves = [curve for curve in curves if curve[1]]
+    if not curves:
         return None
-    steps = tuple(sorted(at_step))
-    found = [clustered_mean([value for value, _ in at_step[step]], [caption for _, caption in at_step[step]]) for step in steps]
+    captions = [caption for caption, _, _ in curves]
+    steps = max((steps for _, steps, _ in curves), key=lambda steps: (steps[-1], len(steps)))
+    columns = np.stack([np.interp(steps, at, values) for _, at, values in curves], axis=1)
+    found = [clustered_mean(column.tolist(), captions) for column in columns]
     return Band(steps, tuple(one.mean for one in found), tuple(0.0 if math.isnan(one.error) else one.error for one in found))
 
 

@@ -104,7 +104,11 @@ def _curves(report: Report) -> Markup | None:
     if not scales:
         return None
     lines: list[Content] = [
-        element("p", "Means over objects; shaded is the standard error. Every quantity has one scale for all variants.", class_="quiet")
+        element(
+            "p",
+            "Means over objects, shaded the standard error; one that ended earlier stays as it was left. One scale for all variants.",
+            class_="quiet",
+        )
     ]
     for name, found in bands.items():
         figures = [

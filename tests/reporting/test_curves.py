@@ -42,14 +42,13 @@ def test_what_was_not_measured_counts_for_nothing() -> None:
     assert single(thinned, "loss") is None
 
 
-def test_the_mean_curve_is_over_those_that_have_the_step() -> None:
+def test_in_the_mean_a_dream_that_ended_earlier_stays_as_it_was_left() -> None:
     entries = [
         Entry("ours", "a", 0, history={"step": (1, 2), "loss": (1.0, 2.0)}),
         Entry("ours", "b", 0, history={"step": (1, 2, 3), "loss": (3.0, NAN, 5.0)}),
         Entry("ours", "c", 0),
     ]
-    band = mean_curve(entries, "loss")
-    assert band == Band((1.0, 2.0, 3.0), (2.0, 2.0, 5.0), (1.0, 0.0, 0.0))
+    assert mean_curve(entries, "loss") == Band((1.0, 3.0), (2.0, 3.5), (1.0, 1.5))
     assert mean_curve(entries, "transmittance") is None
 
 
