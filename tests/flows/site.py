@@ -23,8 +23,11 @@ from prefect.client.schemas.objects import FlowRun
 
 from tests.tasks.processes import REPO
 
+LONGEST = 400.0
+"""Seconds that anything may take on a busy machine."""
 
-def wait_for(what: Callable[[], object], seconds: float = 180) -> None:
+
+def wait_for(what: Callable[[], object], seconds: float = LONGEST) -> None:
     """Look until it is so."""
     end = time.monotonic() + seconds
     while not what():
@@ -48,16 +51,20 @@ class Site:
             "PYTHONPATH": str(REPO),
         }
         self._port, self._started = port, list[subprocess.Popen[bytes]]()
-        self.server = self.start_server()
-        self.client = SyncPrefectClient(self.url)
-        self.prefect("work-pool", "create", "dreams", "--type", "process")
-        self.prefect("--no-prompt", "deploy", "--all")
-        self.worker = self.start_worker()
+        try:
+            self.server = self.start_server()
+            self.client = SyncPrefectClient(self.url)
+            self.prefect("work-pool", "create", "dreams", "--type", "process")
+            self.prefect("--no-prompt", "deploy", "--all")
+            self.worker = self.start_worker()
+        except BaseException:
+            self.close()
+            raise
 
     def prefect(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """The command, done."""
         command = [sys.executable, "-m", "prefect", *arguments]
-        return subprocess.run(command, env=self.env, cwd=REPO, capture_output=True, text=True, timeout=180)
+        return subprocess.run(command, env=self.env, cwd=REPO, capture_output=True, text=True, timeout=LONGEST)
 
     def start_server(self) -> subprocess.Popen[bytes]:
         """Over the database that there is."""
