@@ -101,10 +101,11 @@ def test_a_rendering_with_half_precision_rays_and_parameters(name: str, half: An
     for one, other in zip(jax.tree.leaves(seen), jax.tree.leaves(expected), strict=True):
         assert one.dtype == other.dtype
         np.testing.assert_allclose(one, other, atol=2e-6, rtol=2e-6)
-    # The gradient has its parameter's own type: that of each chunk is rounded to it (bfloat16 keeps 8 bits), their sum is not.
+    # The gradient has its parameter's own type: in each chunk factors and sum are rounded to it (bfloat16 keeps 8 bits), across
+    # chunks nothing is.
     for one, other in zip(jax.tree.leaves(gradient), jax.tree.leaves(wide_gradient), strict=True):
         assert one.dtype == half
-        np.testing.assert_allclose(np.float32(one), other, atol=2**-8 * np.abs(other).max() + 1e-5)
+        np.testing.assert_allclose(np.float32(one), other, atol=2**-7 * np.abs(other).max() + 1e-5)
 
 
 @pytest.mark.parametrize("half", HALVES, ids=lambda half: half.__name__)
