@@ -19,19 +19,6 @@ SENTENCES = [
 ] * 4
 
 
-L14: dict[str, Any] = {
-    "vision_config": {
-        "hidden_size": 1024, "num_hidden_layers": 24, "num_attention_heads": 16, "intermediate_size": 4096, "patch_size": 14,
-    },
-    "text_config": {"hidden_size": 768, "num_attention_heads": 12, "intermediate_size": 3072},
-    "projection_dim": 768,
-}  # fmt: skip
-"""What OpenAI's CLIP L/14 has otherwise than its B/32."""
-
-SIGLIP2_B16: dict[str, Any] = {"vision_config": {"image_size": 256}, "text_config": {"vocab_size": 256_000}}
-"""What SigLIP 2 B/16 at 256 pixels has otherwise than SigLIP B/16."""
-
-
 def clip_vocabulary() -> tuple[dict[str, int], list[tuple[str, str]]]:
     """A byte-level vocabulary in CLIP's order: bytes, bytes that end a word, merges, start, end."""
     letters = sorted(pre_tokenizers.ByteLevel.alphabet())
