@@ -83,6 +83,7 @@ def facts(record: StepRecord, store: Store) -> dict[str, Any]:
             for judge, score in values["scores"].items()
         },
         "mesh": values["mesh"].get("mesh", {}),
+        "fidelity": values["mesh"].get("fidelity", {}),
     }
 
 

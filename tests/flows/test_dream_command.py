@@ -41,12 +41,13 @@ def test_it_leaves_what_it_promises(dreamt: Path) -> None:
     assert {"cosine", "rank", "correct", "pool"} <= score.keys() and score["pool"] == 153 and 1 <= score["rank"] <= 153
     assert len(score["mesh"]["random"]["ranks"]) == 4
     kept = {path.name: path for path in folder.iterdir()}
-    assert {"mesh.glb", "contact_sheet.png", "turntable.mp4", "preview.png", "result.json"} <= kept.keys()
+    films = {"turntable.mp4", "turntable_depth.mp4", "turntable_transmittance.mp4", "mesh_turntable.mp4"}
+    assert {"mesh.glb", "contact_sheet.png", "preview.png", "result.json", "view.html", *films} <= kept.keys()
     for ref in map(ArtifactRef.from_json, result["artifacts"]):
         assert len(get_artifact(open_store(dreamt / "store"), ref)) == ref.size
         assert ref.name not in kept or sha256_file(kept[ref.name]) == ref.sha256
     mesh = (folder / "mesh.glb").read_bytes()
-    assert provenance_of(mesh)["caption"] == "a red mushroom"
+    assert provenance_of(mesh)["caption"] == "a red mushroom" and provenance_of(mesh)["guidance"] == result["encoders"]["guidance"]
     assert 0 < len(from_glb(mesh).faces) <= 800
 
 

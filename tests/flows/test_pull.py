@@ -326,3 +326,17 @@ def test_a_folder_may_collect_from_several_stores(store: Store, to: Path, tmp_pa
     result = pull(other, to)
     assert (result.removed, len(result.added)) == ([there], 1)
     assert {about["caption"] for about in objects(to).values()} == {"from here", "from there too"}
+
+
+@pytest.mark.slow
+def test_the_flow_is_the_same_pull(store: Store, to: Path) -> None:
+    from prefect.testing.utilities import prefect_test_harness
+
+    from flows.pull_flow import pull_assets
+
+    good, bad = keep_dream(store, "a good one"), keep_dream(store, "a bad one")
+    store.delete(bad.output("mesh.glb").key)
+    with prefect_test_harness(server_startup_timeout=120):
+        result = pull_assets(store.url, str(to), seed=0)
+    assert [about["record"] for about in objects(to).values()] == [good.key]
+    assert result["added"] == list(objects(to)) and len(result["refused"]) == 1 and json.dumps(result)
