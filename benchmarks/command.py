@@ -62,6 +62,6 @@ def read_options(name: str, kind: type[Any], arguments: Sequence[str]) -> Any:
         example = option.default[0] if several else option.default
         shown = " ".join(map(str, option.default)) if several else option.default
         flag = f"--{option.name.replace('_', '-')}"
-        parser.add_argument(flag, type=type(example), nargs="+" if several else None, default=option.default, help=f"default: {shown}")
+        parser.add_argument(flag, type=type(example), nargs="*" if several else None, default=option.default, help=f"default: {shown}")
     given = vars(parser.parse_args(list(arguments)))
     return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in given.items()})

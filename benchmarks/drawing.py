@@ -20,6 +20,8 @@ def sheet(path: Path, *, panels: int = 1, rows: int = 1) -> Iterator[list[Axes]]
     try:
         yield list(axes.ravel())
         for panel in axes.ravel():
+            if panel.get_xscale() == "log":  # few labels between the powers of ten: they would run into each other
+                panel.xaxis.set_minor_formatter(lambda value, position: f"{value:g}" if f"{value:e}"[0] in "25" else "")
             panel.grid(alpha=0.25, which="both", linewidth=0.5)
             if panel.get_legend_handles_labels()[0]:
                 panel.legend(fontsize=8, frameon=False)

@@ -144,7 +144,7 @@ def folder() -> Path:
 
 def _name(caption: str, config: DreamConfig, encoder: Encoder, *more: Any) -> str:
     """Digest of what decides a scene."""
-    return json_digest([caption, _said(config), encoder.digest, *more])
+    return json_digest([caption, config.field.kind, _said(config), encoder.digest, *more])
 
 
 def _said(config: DreamConfig) -> Any:
