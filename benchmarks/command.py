@@ -58,10 +58,11 @@ def read_options(name: str, kind: type[Any], arguments: Sequence[str]) -> Any:
     """`--size 88` for the field `size`; several values where the default is a tuple."""
     parser = argparse.ArgumentParser(prog=f"dreamfields bench {name}", description=BENCHMARKS[name])
     for option in dataclasses.fields(kind):
-        several = isinstance(option.default, tuple)
-        example = option.default[0] if several else option.default
-        shown = " ".join(map(str, option.default)) if several else option.default
+        default: Any = option.default
+        several = isinstance(default, tuple)
+        example = default[0] if several else default
+        shown = " ".join(map(str, default)) if several else default
         flag = f"--{option.name.replace('_', '-')}"
-        parser.add_argument(flag, type=type(example), nargs="*" if several else None, default=option.default, help=f"default: {shown}")
+        parser.add_argument(flag, type=type(example), nargs="*" if several else None, default=default, help=f"default: {shown}")
     given = vars(parser.parse_args(list(arguments)))
     return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in given.items()})

@@ -7,6 +7,8 @@ one quadrature: the midpoint rule with steps that are short where the integrand 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 
 from dreamfields_core.config import SkipConfig
@@ -68,7 +70,7 @@ def with_footprint(samples: Samples, footprint: Array) -> Samples:
     A sample's extent is made of its step, so the places are said anew in steps of that length.
     """
     number = jnp.arange(samples.shift.shape[1])[None, :]
-    return samples.replace(shift=(number + samples.shift) * (samples.step / footprint) - number, step=footprint)
+    return replace(samples, shift=(number + samples.shift) * (samples.step / footprint) - number, step=footprint)
 
 
 def middles(fine: Samples, finer: int) -> Samples:
@@ -80,7 +82,7 @@ def middles(fine: Samples, finer: int) -> Samples:
     length = jnp.sum(fine.length.reshape(count, -1, finer), axis=-1)
     first = fine.distances().reshape(count, -1, finer)[..., 0] - 0.5 * fine.length.reshape(count, -1, finer)[..., 0]
     number = jnp.arange(length.shape[1])[None, :]
-    return fine.replace(shift=(first + 0.5 * length - fine.near[:, None]) / fine.step - number, length=length)
+    return replace(fine, shift=(first + 0.5 * length - fine.near[:, None]) / fine.step - number, length=length)
 
 
 def _ask(field: Field, prepared: Params, samples: Samples, mask: Array, *, chunk: int) -> tuple[Array, Array]:
