@@ -72,7 +72,7 @@ class Course:
             "steps": len(self.times.wall),
             "wall_s": round(sum(self.times.wall), 2),
             "processor_s": round(sum(self.times.processor), 2),
-            **self.times.row(),
+            "a step": self.times.row(),
             "evaluated_mean": round(float(np.mean(self.evaluated)), 4),
             "cosine": self.looks[-1][2],
             "looks": [(step, round(spent, 2), round(cosine, 4)) for step, spent, cosine in self.looks],
