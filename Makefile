@@ -6,7 +6,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 
-CAPTION ?= a pink ice cream
+CAPTION ?= a red mushroom
 PRESET ?= draft
 OUT ?= dreams
 VENV := .venv
@@ -19,7 +19,7 @@ SOURCES := flows tasks storage dreamfields_core tests $(wildcard benchmarks)
 .PHONY: help setup demo test test-slow test-parity lint format clean
 
 help:
-	@echo 'make demo       dream one caption (CAPTION="a pink ice cream") and say where the object is'
+	@echo 'make demo       dream one caption (CAPTION="a red mushroom") and say where the object is'
 	@echo 'make test       style, types and the default tests'
 	@echo 'make test-slow  the tests that take minutes'
 	@echo 'make test-parity  published models against PyTorch, which it installs'
