@@ -299,12 +299,12 @@ def test_an_object_store_gives_the_same(store: Store, to: Path, monkeypatch: pyt
     address = "http://{}:{}".format(*server.get_host_and_port())
     for name, value in {"ENDPOINT_URL": address, "REGION": "us-east-1", "ACCESS_KEY_ID": "test", "SECRET_ACCESS_KEY": "test"}.items():
         monkeypatch.setenv(f"AWS_{name}", value)
-    urllib.request.urlopen(urllib.request.Request(f"{address}/bucket", method="PUT")).close()
-    remote = open_store("s3://bucket/dreams")
+    urllib.request.urlopen(urllib.request.Request(f"{address}/pulled", method="PUT")).close()
+    remote = open_store("s3://pulled/dreams")
     for seed in range(10):
         keep_dream(remote, seed=seed)
         keep_dream(store, seed=seed)
-    assert counts(pull("s3://bucket/dreams", to)) == (10, 0, 0, 0, 0)
+    assert counts(pull("s3://pulled/dreams", to)) == (10, 0, 0, 0, 0)
     counting = Counting(remote)
     assert counts(pull(counting, to)) == (0, 0, 0, 10, 0) and counting.read == []
     pull(store, to / "local")
