@@ -12,8 +12,9 @@ from jax.typing import DTypeLike
 from dreamfields_core.config import NeRFMLPConfig
 from dreamfields_core.fields.contract import Field
 from dreamfields_core.fields.encodings import encode, encoding_size, initial_frequencies
+from dreamfields_core.fields.network import network_field
 from dreamfields_core.precision import in_float32
-from dreamfields_core.types import Array, Gaussians, Params
+from dreamfields_core.types import Array, Gaussians
 
 
 class NeRFMLP(nnx.Module):
@@ -44,18 +45,4 @@ class NeRFMLP(nnx.Module):
 
 def nerf_mlp(config: NeRFMLPConfig, *, products: DTypeLike = jnp.float32) -> Field:
     """The baseline's field; 494 k parameters at NeRF's own ten levels, as the paper counts them."""
-    graph = nnx.graphdef(nnx.eval_shape(lambda: NeRFMLP(config, nnx.Rngs(0), products=products)))
-
-    def init(key: Array) -> Params:
-        return nnx.to_pure_dict(nnx.state(NeRFMLP(config, nnx.Rngs(params=key))))
-
-    def apply(prepared: Params, gaussians: Gaussians) -> tuple[Array, Array]:
-        return nnx.merge(graph, nnx.State(prepared))(gaussians)
-
-    return Field(
-        init=init,
-        prepare=lambda params: params,
-        apply=apply,
-        penalty=lambda key, prepared: jnp.zeros(()),
-        density_scale=1.0,
-    )
+    return network_field(lambda rngs: NeRFMLP(config, rngs, products=products))

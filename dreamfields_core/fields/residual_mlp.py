@@ -9,8 +9,9 @@ from jax.typing import DTypeLike
 from dreamfields_core.config import ResidualMLPConfig, SignedDistanceConfig
 from dreamfields_core.fields.contract import Field
 from dreamfields_core.fields.encodings import encode, encoding_size, initial_frequencies
+from dreamfields_core.fields.network import network_field
 from dreamfields_core.precision import in_float32
-from dreamfields_core.types import Array, Gaussians, Params
+from dreamfields_core.types import Array, Gaussians
 
 
 class Block(nnx.Module):
@@ -50,18 +51,4 @@ class ResidualMLP(nnx.Module):
 
 def residual_mlp(config: ResidualMLPConfig, *, products: DTypeLike = jnp.float32) -> Field:
     """The paper's field; 315 k parameters at the paper's sizes."""
-    graph = nnx.graphdef(nnx.eval_shape(lambda: ResidualMLP(config, nnx.Rngs(0), products=products)))
-
-    def init(key: Array) -> Params:
-        return nnx.to_pure_dict(nnx.state(ResidualMLP(config, nnx.Rngs(params=key))))
-
-    def apply(prepared: Params, gaussians: Gaussians) -> tuple[Array, Array]:
-        return nnx.merge(graph, nnx.State(prepared))(gaussians)
-
-    return Field(
-        init=init,
-        prepare=lambda params: params,
-        apply=apply,
-        penalty=lambda key, prepared: jnp.zeros(()),
-        density_scale=1.0,
-    )
+    return network_field(lambda rngs: ResidualMLP(config, rngs, products=products))

@@ -10,11 +10,11 @@ import math
 
 import jax
 import jax.numpy as jnp
-from flax import nnx
 from jax.typing import DTypeLike
 
 from dreamfields_core.config import SignedDistanceConfig
 from dreamfields_core.fields.contract import Field, points_as_gaussians
+from dreamfields_core.fields.network import as_functions
 from dreamfields_core.fields.rectified import raw_of_log
 from dreamfields_core.fields.residual_mlp import ResidualMLP
 from dreamfields_core.types import Array, Gaussians, Params
@@ -48,14 +48,13 @@ def eikonal_loss(slopes: Array) -> Array:
 
 def signed_distance(config: SignedDistanceConfig, *, bound: float, products: DTypeLike = jnp.float32) -> Field:
     """A ball, bent by the paper's network, as soft as it has learned to be."""
-    graph = nnx.graphdef(nnx.eval_shape(lambda: ResidualMLP(config, nnx.Rngs(0), products=products)))
+    fresh, ask = as_functions(lambda rngs: ResidualMLP(config, rngs, products=products))
 
     def init(key: Array) -> Params:
-        network = nnx.to_pure_dict(nnx.state(ResidualMLP(config, nnx.Rngs(params=key))))
-        return {"network": network, "log_beta": jnp.float32(math.log(config.softness))}
+        return {"network": fresh(key), "log_beta": jnp.float32(math.log(config.softness))}
 
     def distance_and_colors(prepared: Params, gaussians: Gaussians) -> tuple[Array, Array]:
-        bend, colors = nnx.merge(graph, nnx.State(prepared["network"]))(gaussians)
+        bend, colors = ask(prepared["network"], gaussians)
         ball = jnp.sqrt(jnp.sum(gaussians.means**2, axis=-1) + CENTER) - config.radius
         return ball + BEND * bend, colors
 
