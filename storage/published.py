@@ -14,6 +14,7 @@ from pathlib import Path
 
 from storage.digests import sha256_file
 from storage.errors import MissingWeights, StorageError, UnreadableWeights
+from storage.resumed import fetch_blob
 
 
 class NoNetwork(StorageError):
@@ -105,6 +106,8 @@ def _fetch(repository: str, name: str, revision: str | None) -> Path | None:
     from huggingface_hub import constants, errors, hf_hub_download
 
     try:
+        if name.endswith(".safetensors"):
+            fetch_blob(repository, name, revision)
         return Path(hf_hub_download(repository, name, revision=revision))
     except errors.GatedRepoError:
         raise NotPublished(f"Expected free access to {repository}, got a licence to accept first: accept it there and log in.") from None
@@ -122,11 +125,17 @@ def _fetch(repository: str, name: str, revision: str | None) -> Path | None:
     except (errors.HfHubHTTPError, ConnectionError, TimeoutError) as problem:
         raise _no_network(repository, name, _brief(problem)) from None
     except OSError as problem:
+        if problem.errno is None:  # the client's word for a file that came short
+            raise _broken_off(repository, name, problem) from None
         raise NoNetwork(f"Expected to write {name} of {repository} to {cache_folder()}, got '{_brief(problem)}': free some room.") from None
     except Exception as problem:  # the client lets its HTTP library's own errors through
-        if type(problem).__module__.partition(".")[0] in ("httpx", "httpcore"):
-            raise _no_network(repository, name, f"the download broke off, {_brief(problem)}; the next attempt goes on from there") from None
+        if type(problem).__module__.startswith(("httpx", "httpcore")):
+            raise _broken_off(repository, name, problem) from None
         raise
+
+
+def _broken_off(repository: str, name: str, problem: Exception) -> NoNetwork:
+    return _no_network(repository, name, f"the download broke off, {_brief(problem)}; the next attempt goes on from there")
 
 
 def _no_name(repository: str) -> NotPublished:

@@ -1,4 +1,4 @@
-"""A hub of one repository on the loopback, which can break a download off in the middle. It counts what it was asked for."""
+"""A hub of one repository on the loopback, which can break a download off in the middle, or stall. It counts what it was asked for."""
 
 from __future__ import annotations
 
@@ -14,10 +14,15 @@ COMMIT = "c0ffee" + "0" * 34
 
 @dataclass
 class Hub:
-    """files: name -> bytes, all of them under any repository called "good/...". break_after: bytes after which the next GET ends."""
+    """files: name -> bytes, all of them under any repository called "good/...".
+
+    break_after, stall_after: bytes after which the next GET of weights ends, or says no more. mute: no GET of weights gets a byte.
+    """
 
     files: dict[str, bytes]
     break_after: int | None = None
+    stall_after: int | None = None
+    mute: bool = False
     asked: list[tuple[str, str, str | None]] = field(default_factory=list)
     lies: bool = False
     port: int = 0
@@ -64,7 +69,13 @@ def served(hub: Hub) -> Iterator[Hub]:
                 self.send_header("Content-Range", f"bytes {start}-{len(data) - 1}/{len(data)}")
             self.send_header("Content-Length", str(len(data) - start))
             self.end_headers()
-            if body:
+            if body and hub.stall_after is not None and name.endswith(".safetensors"):
+                self.wfile.write(data[start : hub.stall_after])
+                hub.stall_after = None
+                self.connection.recv(1)  # until the other side has gone
+            elif body and hub.mute and name.endswith(".safetensors"):
+                self.close_connection = True
+            elif body:
                 end = hub.break_after if hub.break_after is not None and name.endswith((".safetensors", ".npz")) else None
                 self.wfile.write(data[start:end])
                 if end is not None:

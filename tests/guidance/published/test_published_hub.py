@@ -6,7 +6,9 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import plain_folder
@@ -30,14 +32,23 @@ except Exception as problem:
 """
 
 
-def ask(name: str, hub: Hub, home: Path, **environment: str) -> dict[str, str]:
+def start(name: str, hub: Hub, home: Path, **environment: str) -> subprocess.Popen[str]:
     """In a process of its own, since the hub's client reads its environment once."""
     settings = {"HF_ENDPOINT": hub.address, "HF_HOME": str(home), "HF_HUB_OFFLINE": "0", "HF_HUB_DISABLE_TELEMETRY": "1"} | environment
-    done = subprocess.run(
-        [sys.executable, "-c", ASK, name], cwd=REPO, env=os.environ | settings, capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([sys.executable, "-c", ASK, name], cwd=REPO, env=os.environ | settings, **pipes)
+
+
+def ask(name: str, hub: Hub, home: Path, **environment: str) -> dict[str, str]:
+    """What it answers in the end."""
+    process = start(name, hub, home, **environment)
+    out, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, errors
+    return json.loads(out.splitlines()[-1])
+
+
+def asked_ranges(hub: Hub) -> list[str | None]:
+    return [asked for kind, path, asked in hub.asked if kind == "GET" and path.endswith(".safetensors")]
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +63,7 @@ def test_fetched_once_resumed_and_then_used_without_asking(hub: Hub, tmp_path: P
     with served(hub):
         first = ask("good/model", hub, tmp_path)
         assert first["origin"] == f"good/model@{COMMIT}", first
-        ranges = [asked for kind, path, asked in hub.asked if kind == "GET" and path.endswith(".safetensors")]
+        ranges = asked_ranges(hub)
         assert ranges[0] is None and ranges[1] is not None and not ranges[1].startswith("bytes=0")
         hub.asked.clear()
         assert ask("good/model", hub, tmp_path) == first
@@ -62,6 +73,34 @@ def test_fetched_once_resumed_and_then_used_without_asking(hub: Hub, tmp_path: P
     blob.write_bytes(blob.read_bytes()[:-1] + b"x")
     refused = ask("good/model", hub, tmp_path, HF_HUB_OFFLINE="1")
     assert refused["error"] == "UnreadableWeights" and "Expected digest" in refused["text"] and "fetch it again" in refused["text"]
+
+
+def test_a_killed_download_goes_on_where_it_stopped(hub: Hub, tmp_path: Path) -> None:
+    hub.stall_after = 12_000_000
+    with served(hub):
+        process = start("good/model", hub, tmp_path)
+        while not (got := [path for path in tmp_path.rglob("*.part") if path.stat().st_size > 0]):
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.05)
+        process.kill()
+        process.communicate()
+        size = got[0].stat().st_size
+        hub.asked.clear()
+        assert ask("good/model", hub, tmp_path)["origin"] == f"good/model@{COMMIT}"
+    assert asked_ranges(hub) == [f"bytes={size}-"] and 0 < size <= 12_000_000
+    blob = next(tmp_path.rglob("model.safetensors")).resolve()
+    assert blob.read_bytes() == hub.files["model.safetensors"] and not list(tmp_path.rglob("*.part"))
+
+
+@pytest.mark.slow
+def test_a_download_that_breaks_off_for_good_says_so_in_one_sentence(hub: Hub, tmp_path: Path) -> None:
+    """The hub's client tries five times before it gives up, a second apart."""
+    hub.mute = True
+    with served(hub):
+        refused = ask("good/model", hub, tmp_path)
+    hub.mute = False
+    assert refused["error"] == "NoNetwork" and "the download broke off" in refused["text"], refused
+    assert "the next attempt goes on from there" in refused["text"] and "\n" not in refused["text"]
 
 
 def test_no_network_no_repository_and_a_hub_that_lies(hub: Hub, tmp_path: Path) -> None:
