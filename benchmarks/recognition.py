@@ -11,6 +11,7 @@ field, and for chance; and what the guide itself says of all of them, which flat
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import time
 from collections.abc import Callable, Sequence
@@ -25,7 +26,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from dreamfields_core.config import DreamConfig
 from dreamfields_core.judging.retrieval import Retrieval, mean_with_error, retrieve
-from dreamfields_core.rendering.images import on_shade, on_white
+from dreamfields_core.rendering.images import on_shade
 from dreamfields_core.rendering.pictures import BACKDROP, picture, png
 from dreamfields_core.scene.cameras import poses_at
 from dreamfields_core.teaching import words
@@ -36,6 +37,7 @@ from dreamfields_core.teaching.pools import meaning, random_description
 from dreamfields_core.teaching.solids import KINDS
 from dreamfields_core.teaching.staging import Shapes
 from flows.order import settle
+from flows.recipe import Plainly, make_object
 from storage.artifacts import get_artifact
 from storage.digests import json_digest
 from storage.local import write_file
@@ -43,8 +45,7 @@ from storage.store import open_store
 from tasks.encoders import card, load_encoder
 from tasks.finished_field import unpack_field, view_by
 from tasks.pools import caption_pools
-from tasks.step import Place, perform
-from tasks.steps import ENCODE, OPTIMIZE
+from tasks.step import Place
 
 TUNED_ON = (
     "a red mushroom, a blue house with a pink roof, a yellow chair, a pink ice cream, a green pine, a brown table, a striped purple vase, "
@@ -99,15 +100,13 @@ class Judge:
 
 
 def dreamed(judge: Judge, caption: str, place: Place) -> Row:
-    """The caption dreamed, or found in the store."""
+    """The caption dreamed, or found in the store; without its mesh, which nobody asks for here."""
     config, look = judge.config, judge.config.evaluate
-    guide = card(config.guidance.name)
-    text = perform(ENCODE, place, config, {"caption": caption, "guide": guide.digest})
-    done = perform(OPTIMIZE, place, config, {"text_embedding": text.output("text_embedding.npy"), "guide": guide.digest})
-    see = view_by(unpack_field(get_artifact(place.store, done.output("field.safetensors"))), samples=look.samples)
-    poses = poses_at(look.azimuths, look.elevation, radius=look.radius, focal=look.focal)
+    made = make_object(Plainly(place, config), caption, config, score_only=True)
+    see = view_by(unpack_field(get_artifact(place.store, made.field.output("field.safetensors"))), samples=look.samples)
     shown = picture(on_shade(see(poses_at(look.azimuths[:2], look.elevation, radius=look.radius, focal=look.focal), THUMB), BACKDROP))
-    return judge(caption, on_white(see(poses, look.size or judge.encoder.image_size)), done.record.seconds, shown)
+    with np.load(io.BytesIO(get_artifact(place.store, made.views.output("views.npz")))) as file:
+        return judge(caption, file["views"], made.field.record.seconds, shown)
 
 
 def drawn(judge: Judge, caption: str, shapes: Shapes) -> Row:

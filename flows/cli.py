@@ -70,6 +70,7 @@ def sweep(
     out: Annotated[Path, typer.Option(help="Folder of the dreams and of the report.")] = Path("dreams"),
     store: Annotated[str | None, typer.Option(help="Folder or s3://bucket/prefix; $DREAMFIELDS_STORE, else OUT/store.")] = None,
     settings: Settings = None,
+    score_only: Annotated[bool, typer.Option("--score-only", help="Only fields and their scores: no pictures, no meshes.")] = False,
 ) -> None:
     """Dream captions x seeds x variants, one after the other, and write a report. Ctrl-C saves; the same command goes on."""
     from flows.sweep_plain import sweep_plainly
@@ -86,6 +87,7 @@ def sweep(
         settings=settings or (),
         store=store,
         out=out,
+        score_only=score_only,
     )
     raise typer.Exit(sweep_plainly(plan))
 

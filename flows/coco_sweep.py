@@ -46,6 +46,7 @@ def coco_sweep(
     guidance: str | None = None,
     judge: str | None = None,
     settings: list[Setting] | None = None,
+    score_only: bool = False,
     store: str | None = None,
     out: str = "dreams",
     through: Through = "here",
@@ -63,6 +64,7 @@ def coco_sweep(
       guidance: the image-text model to optimise with.
       judge: the image-text model that scores; by default those of the table's columns.
       settings: changes to the preset for all variants.
+      score_only: neither pictures nor meshes, only fields and their scores, as the paper's tables need them.
       store: folder or s3://bucket/prefix; by default $DREAMFIELDS_STORE, else a folder `store` beside the dreams.
       out: folder of the dreams and of the report.
       through: here (one object after the other on this worker's device), pool (each a run of dream/dream, by the workers of
@@ -84,6 +86,7 @@ def coco_sweep(
         settings=settings or (),
         store=store,
         out=Path(out),
+        score_only=score_only,
     )
     place, log = open_store(plan.store), get_run_logger()
     keep_sweep(plan, place)

@@ -38,6 +38,7 @@ def dream(
     out: str = "dreams",
     among: list[Caption] | None = None,
     judges: list[str] | None = None,
+    score_only: bool = False,
 ) -> dict[str, Any]:
     """Dream one caption.
 
@@ -52,6 +53,7 @@ def dream(
       out: folder in which the dream gets one of its own.
       among: captions that the judge chooses from; by default those of the embedded models' language.
       judges: further judges.
+      score_only: no pictures and no mesh, only the field and its score.
 
     Returns:
       What result.json says.
@@ -67,11 +69,12 @@ def dream(
         out=Path(out),
         among=among or (),
         judges=judges or (),
+        score_only=score_only,
     )
     order.folder.mkdir(parents=True, exist_ok=True)
     place = Place(open_store(order.store), Progress(order.config.optim.steps), order.folder / "preview.png")
-    pool = keep_pool(place.store, order.among)
-    made = make_object(ByPrefect(place, order.config), order.caption, order.config, pool=pool, judges=order.judges)
+    wishes: dict[str, Any] = {"judges": order.judges, "score_only": score_only, "pool": keep_pool(place.store, order.among)}
+    made = make_object(ByPrefect(place, order.config), order.caption, order.config, **wishes)
     result = leave(order, made, place.store)
     show_result(order, result, place.store)
     return result

@@ -8,17 +8,17 @@ from datetime import UTC, datetime
 from typing import Any
 
 from dreamfields_core.config import DreamConfig, validate
-from dreamfields_core.reporting.contract import Entry, Night
+from dreamfields_core.reporting.contract import SOURCES, Entry, Night
 from dreamfields_core.reporting.statistics import compare
 from flows.recipe import Conductor, Remains, judge_object
-from flows.result import told_score
+from flows.result import find_made, told_score
 from flows.sweep_record import TRUTHS, Member
 from storage.contract import Store
 from storage.digests import json_digest
 from storage.steps import StepRecord, find_record, put_record
 from tasks.pools import keep_pool
 from tasks.step import Done, Input, Step
-from tasks.steps import RENDER, SCORE
+from tasks.steps import MESH_SCORE, SCORE, VIEWS
 from tasks.version import code_version
 
 Scores = dict[str, Any]
@@ -36,8 +36,8 @@ class Anew:
         self._conduct = conduct
 
     def __call__(self, step: Step, **inputs: Input) -> Done:
-        assert step in (RENDER, SCORE), f"a night dreams nothing, but was asked for {step.name}"
-        return self._conduct(step, **inputs, **({"code": code_version()} if step is SCORE else {}))
+        assert step in (VIEWS, SCORE, MESH_SCORE), f"a night dreams nothing, but was asked for {step.name}"
+        return self._conduct(step, **inputs, **({} if step is VIEWS else {"code": code_version()}))
 
     def start(self, step: Step, **inputs: Input) -> Callable[[], Done]:
         done = self(step, **inputs)
@@ -52,15 +52,16 @@ def judge_again(store: Store, key: str, judges: Sequence[str], conductor: Callab
 
     Raises: Gone, EncoderError, StorageError.
     """
-    record = find_record(store, "dream", key)
+    record = find_made(store, key)
     if record is None:
         raise Gone("its files are missing or damaged: dream it again, what is left of it will be used")
     config, said = validate(record.config), record.values
     pool = keep_pool(store, said.get("among", ()))
-    field, views, mesh = (record.output(name) for name in ("field.safetensors", "views.npz", "mesh.glb"))
-    made = Remains(record.inputs["caption"], field, views, mesh, pool)
+    files = {ref.name: ref for ref in record.outputs}
+    optional = files.get("glimpses.npz"), files.get("mesh.glb")
+    made = Remains(record.inputs["caption"], files["field.safetensors"], files["views.npz"], *optional, pool)
     names = dict.fromkeys([*said["scores"], *judges])
-    return {name: told_score(judge_object(Anew(conductor(config)), made, config, name).record.values) for name in names}
+    return {name: told_score(judge_object(Anew(conductor(config)), made, config, name).values) for name in names}
 
 
 def judged(entries: Sequence[Entry], found: Mapping[str, Scores], members: Sequence[Member]) -> list[Entry]:
@@ -122,7 +123,11 @@ def _brief(scores: Scores) -> Scores:
     """What a comparison needs of them."""
     kept = ("similarity", "rank", "correct")
     return {
-        judge: {source: {pool: {name: said[source][pool][name] for name in kept} for pool in said[source]} for source in ("field", "mesh")}
+        judge: {
+            source: {pool: {name: found[name] for name in kept} for pool, found in said[source].items()}
+            for source in SOURCES
+            if source in said
+        }
         for judge, said in scores.items()
     }
 

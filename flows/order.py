@@ -27,7 +27,7 @@ class OrderError(ValueError):
 class Order:
     """caption: as it is shown. preset: the name it started from. store: address of the store. folder: of this
     run's files. unknown_words: of the caption, to the guidance model. among: captions that the judge chooses from, or () for the usual.
-    judges: further ones."""
+    judges: further ones. score_only: neither pictures for people nor a mesh are wanted."""
 
     caption: str
     preset: str
@@ -37,6 +37,7 @@ class Order:
     unknown_words: tuple[str, ...] = ()
     among: tuple[str, ...] = ()
     judges: tuple[str, ...] = ()
+    score_only: bool = False
 
     @property
     def config_digest(self) -> str:
@@ -56,6 +57,7 @@ def take_order(
     out: Path = Path("dreams"),
     among: Sequence[str] = (),
     judges: Sequence[str] = (),
+    score_only: bool = False,
 ) -> Order:
     """Check everything that can be checked without work.
 
@@ -65,7 +67,8 @@ def take_order(
     caption = captions.check(caption)
     config = settle(preset, seed=seed, guidance=guidance, judge=judge, settings=settings)
     check_encoders(config, judge_is_stated=states_judge(judge, settings))
-    order = order_of(caption, preset=preset, config=config, store=address_of(store, out), out=out, among=among, judges=judges)
+    wishes: dict[str, Any] = {"among": among, "judges": judges, "score_only": score_only}
+    order = order_of(caption, preset=preset, config=config, store=address_of(store, out), out=out, **wishes)
     check_places(order.folder, order.store)
     return order
 
@@ -79,11 +82,12 @@ def order_of(
     out: Path,
     among: Sequence[str] = (),
     judges: Sequence[str] = (),
+    score_only: bool = False,
 ) -> Order:
     """The order for a caption and models that have been checked; nothing is touched. Raises: EncoderError."""
     unknown = unknown_words(config.guidance.name, caption)
     folder = out / folder_name(caption, config.model_dump(mode="json"))
-    return Order(caption, preset, config, store, folder, unknown, tuple(among), tuple(judges))
+    return Order(caption, preset, config, store, folder, unknown, tuple(among), tuple(judges), score_only)
 
 
 def folder_name(caption: str, config: dict[str, Any]) -> str:

@@ -79,8 +79,8 @@ def show_picture(data: bytes, *, key: str, description: str) -> None:
 
 def show_result(order: Order, result: dict[str, Any], store: Store) -> None:
     """The contact sheet, the scores as a table, and where everything is."""
-    sheet = next(ref for ref in result["artifacts"] if ref["name"] == "contact_sheet.png")
-    show_picture(_bytes(store, sheet), key="dream-views", description=f"{order.caption}: colour, depth, transmittance")
+    for sheet in (ref for ref in result["artifacts"] if ref["name"] == "contact_sheet.png"):
+        show_picture(_bytes(store, sheet), key="dream-views", description=f"{order.caption}: colour, depth, transmittance")
     create_table_artifact(_score_rows(result), key="dream-score", description=f"The judge on “{order.caption}”")
     create_markdown_artifact(_summary(order, result), key="dream-summary", description=order.caption)
 
@@ -104,6 +104,7 @@ def _score_rows(result: dict[str, Any]) -> list[dict[str, Any]]:
         }
         for judge, scores in result["scores"].items()
         for what in ("field", "mesh")
+        if what in scores
         for pool, retrieval in scores[what].items()
     ]
 

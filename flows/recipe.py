@@ -4,35 +4,51 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from dreamfields_core.config import DreamConfig
 from flows.beside import Beside
 from storage.artifacts import ArtifactRef
 from tasks.encoders import card
 from tasks.step import Done, Input, Place, Step, perform
-from tasks.steps import ENCODE, MESH, OPTIMIZE, RENDER, SCORE
+from tasks.steps import ENCODE, MESH, MESH_SCORE, OPTIMIZE, RENDER, SCORE, VIEWS
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a judge says of the field, and of its mesh if there is one."""
+
+    field: Done
+    mesh: Done | None
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Of both."""
+        return self.field.record.values | (self.mesh.record.values if self.mesh else {})
 
 
 @dataclass(frozen=True)
 class Dream:
-    """What was done for one caption, step by step. scores: by judge, the configuration's own first."""
+    """What was done for one caption, step by step. pictures, mesh: None where only a score was wanted. scores: by judge, the
+    configuration's own first."""
 
     words: Done
     field: Done
-    pictures: Done
-    mesh: Done
-    scores: dict[str, Done]
+    views: Done
+    pictures: Done | None
+    mesh: Done | None
+    scores: dict[str, Score]
 
     @property
-    def score(self) -> Done:
+    def score(self) -> Score:
         """By the judge that the configuration names."""
         return next(iter(self.scores.values()))
 
     @property
     def steps(self) -> tuple[Done, ...]:
         """In the order of the recipe."""
-        return (self.words, self.field, self.pictures, self.mesh, self.score)
+        wanted = (self.words, self.field, self.views, self.pictures, self.mesh, self.score.field, self.score.mesh)
+        return tuple(done for done in wanted if done)
 
 
 class Conductor(Protocol):
@@ -48,49 +64,62 @@ class Conductor(Protocol):
         """The same for another configuration."""
 
 
-STEPS = (ENCODE, OPTIMIZE, RENDER, MESH, SCORE)
+STEPS = (ENCODE, OPTIMIZE, VIEWS, RENDER, MESH, SCORE, MESH_SCORE)
 """All that a dream may be made of."""
 
 
 def make_object(
-    conduct: Conductor, caption: str, config: DreamConfig, *, pool: ArtifactRef | None = None, judges: Sequence[str] = ()
+    conduct: Conductor,
+    caption: str,
+    config: DreamConfig,
+    *,
+    pool: ArtifactRef | None = None,
+    judges: Sequence[str] = (),
+    score_only: bool = False,
 ) -> Dream:
     """Encode the caption, optimise a field for it, render and mesh the field side by side, and score what came out.
 
     pool: captions that the judge chooses from, where the usual ones do not fit (tasks/pools.py). judges: further ones.
+    score_only: no pictures and no mesh, only what a table reports: the field's score.
     """
     guide, judge = card(config.guidance.name), card(config.evaluate.judge)
     words = conduct(ENCODE, caption=caption, guide=guide.digest)
     dreamt = conduct(OPTIMIZE, text_embedding=words.output("text_embedding.npy"), guide=guide.digest)
     field = dreamt.output("field.safetensors")
-    rendering = conduct.start(RENDER, field=field, caption=caption, size=config.evaluate.size or judge.image_size)
-    mesh = conduct(MESH, field=field, caption=caption, guide=guide.digest)
-    pictures = rendering()
-    made = Remains(caption, field, pictures.output("views.npz"), mesh.output("mesh.glb"), pool)
+    rendering = None if score_only else conduct.start(RENDER, field=field, caption=caption)
+    views = conduct(VIEWS, field=field, size=config.evaluate.size or judge.image_size)
+    mesh = None if score_only else conduct(MESH, field=field, caption=caption, guide=guide.digest)
+    pictures = rendering() if rendering else None
+    glimpses, glb = dreamt.output("glimpses.npz"), mesh.output("mesh.glb") if mesh else None
+    made = Remains(caption, field, views.output("views.npz"), glimpses, glb, pool)
     scores = {name: judge_object(conduct, made, config, name) for name in dict.fromkeys([judge.name, *judges])}
-    return Dream(words, dreamt, pictures, mesh, scores)
+    return Dream(words, dreamt, views, pictures, mesh, scores)
 
 
 @dataclass(frozen=True)
 class Remains:
-    """What of an object a judge needs. views: at the size of the judge that the object's configuration names."""
+    """What of an object a judge needs. views: at the size of the judge that the object's configuration names. glimpses: of the field on the
+    way, where they were taken."""
 
     caption: str
     field: ArtifactRef
     views: ArtifactRef
-    mesh: ArtifactRef
+    glimpses: ArtifactRef | None = None
+    mesh: ArtifactRef | None = None
     pool: ArtifactRef | None = None
 
 
-def judge_object(conduct: Conductor, made: Remains, config: DreamConfig, name: str) -> Done:
+def judge_object(conduct: Conductor, made: Remains, config: DreamConfig, name: str) -> Score:
     """The score by a judge, from views of the size that it wants: those there are, or else further ones of the same field."""
     judge, size = card(name), config.evaluate.size
     conduct = conduct.under(judged_by(config, name))
     views = made.views
     if size is None and judge.image_size != card(config.evaluate.judge).image_size:
-        views = conduct(RENDER, field=made.field, caption=made.caption, size=judge.image_size).output("views.npz")
-    among: dict[str, Input] = {"pool": made.pool} if made.pool else {}
-    return conduct(SCORE, views=views, mesh=made.mesh, caption=made.caption, judge=judge.digest, **among)
+        views = conduct(VIEWS, field=made.field, size=judge.image_size).output("views.npz")
+    shared: dict[str, Input] = {"views": views, "caption": made.caption, "judge": judge.digest}
+    shared |= {"pool": made.pool} if made.pool else {}
+    field = conduct(SCORE, **shared, **({"glimpses": made.glimpses} if made.glimpses else {}))
+    return Score(field, conduct(MESH_SCORE, mesh=made.mesh, **shared) if made.mesh else None)
 
 
 def judged_by(config: DreamConfig, name: str) -> DreamConfig:

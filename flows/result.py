@@ -21,6 +21,8 @@ KEEPSAKES = re.compile(
     r"mesh(_lod\d+)?\.glb|(mesh_)?turntable\w*\.mp4|turntable\.webp|contact_sheet\.png|preview\.png|field\.safetensors|history\.npz"
 )
 """Names of outputs that are copied into the folder; the others stay in the store."""
+WHOLE, SCORED = "dream", "scored"
+"""Kinds of records: of an object with all that belongs to it, and of one that was only scored."""
 FACTS = ("preset", "seed", "config_digest", "encoders", "unknown_words", "seconds", "scores", "mesh")
 """What the record in the store holds of result.json beside its own fields."""
 
@@ -34,8 +36,9 @@ def leave(order: Order, dream: Dream, store: Store) -> dict[str, Any]:
     kept = [ref for ref in outputs(dream) if KEEPSAKES.fullmatch(ref.name)]
     for ref in kept:
         export(store, ref, order.folder / ref.name)
-    page = view_page(result, get_artifact(store, dream.mesh.output("mesh.glb")), [ref.name for ref in kept])
-    write_file(order.folder / VIEW, page)
+    if dream.mesh:
+        page = view_page(result, get_artifact(store, dream.mesh.output("mesh.glb")), [ref.name for ref in kept])
+        write_file(order.folder / VIEW, page)
     put_record(store, _record(order, dream, result))
     write_file(order.folder / "result.json", (json.dumps(result, indent=2, ensure_ascii=False) + "\n").encode())
     return result
@@ -65,8 +68,8 @@ def describe(order: Order, dream: Dream, store: Store) -> dict[str, Any]:
         },
         "unknown_words": list(order.unknown_words),
         "seconds": {done.record.step: done.record.seconds for done in dream.steps},
-        "scores": {name: told_score(done.record.values) for name, done in dream.scores.items()},
-        "mesh": dream.mesh.record.values,
+        "scores": {name: told_score(score.values) for name, score in dream.scores.items()},
+        "mesh": dream.mesh.record.values if dream.mesh else None,
         "artifacts": [ref.to_json() for ref in outputs(dream)],
         "store": store.url,
     }
@@ -76,14 +79,14 @@ def told_score(values: dict[str, Any]) -> dict[str, Any]:
     """A score as result.json has it: the paper's first (field, held-out view, the random pool), then all the others."""
     first = values["field"]["random"]
     head = {"cosine": first["similarity"], "rank": first["rank"], "correct": first["correct"], "pool": first["pool"]}
-    return {**head, "field": values["field"], "mesh": values["mesh"]}
+    return head | values
 
 
 def _record(order: Order, dream: Dream, result: dict[str, Any]) -> StepRecord:
     """So that the store alone tells which dreams it holds."""
     versions = {done.record.step: done.record.version for done in dream.steps}
     return StepRecord(
-        step="dream",
+        step=WHOLE if dream.mesh else SCORED,
         version=1,
         key=dream_key(order),
         config=result["config"],
@@ -101,20 +104,29 @@ def dream_key(order: Order) -> str:
 
 
 def find_dream(store: Store, order: Order) -> StepRecord | None:
-    """The record of the dream, if it is there whole and today's steps and models would give the same.
+    """The record of the dream, if all that is wanted is there and today's steps and models would give the same.
 
     Of an object store only the sizes of the files are asked: to prove their digests would be to download everything.
     """
-    record = find_record(store, "dream", dream_key(order), digests=store.local_path("blobs") is not None)
-    if record is None:
-        return None
+    kinds, digests = (WHOLE, SCORED) if order.score_only else (WHOLE,), store.local_path("blobs") is not None
+    found = (find_record(store, kind, dream_key(order), digests=digests) for kind in kinds)
+    return next((record for record in found if record and _is_todays(record, order)), None)
+
+
+def find_made(store: Store, key: str, *, digests: bool = True) -> StepRecord | None:
+    """What there is of an object, with its mesh if it has one."""
+    found = (find_record(store, kind, key, digests=digests) for kind in (WHOLE, SCORED))
+    return next((record for record in found if record), None)
+
+
+def _is_todays(record: StepRecord, order: Order) -> bool:
     encoders, wanted = record.values["encoders"], dict.fromkeys([order.config.evaluate.judge, *order.judges])
     judged = {name: card(name).digest for name in wanted}.items() <= encoders.get("judges", {}).items()
     if not judged or encoders["guidance"]["digest"] != card(order.config.guidance.name).digest:
-        return None
+        return False
     versions = {step.name: step.version for step in STEPS}
     made: dict[str, Any] = record.values.get("versions") or {"": 0}
-    return record if made.items() <= versions.items() else None
+    return made.items() <= versions.items()
 
 
 def told(record: StepRecord, store: Store) -> dict[str, Any]:

@@ -68,6 +68,7 @@ def plan_sweep(
     settings: Sequence[str] = (),
     store: str | None = None,
     out: Path = Path("dreams"),
+    score_only: bool = False,
 ) -> Plan:
     """Everything that can be known without work. A caption that cannot be dreamed is one cell's error, all else refuses the whole.
 
@@ -77,6 +78,7 @@ def plan_sweep(
       variants: some of its rows; all of them by default.
       seeds: by default the table's own, else 0.
       settings: changes to the preset; a variant's own come after.
+      score_only: neither pictures nor meshes; the sweep and its keys are the same, so that they can be made later.
 
     Raises:
       CaptionError, ConfigError, EncoderError, OrderError, TableError, StorageError: one sentence with the way out.
@@ -93,6 +95,7 @@ def plan_sweep(
     check_places(out, address)
     shared: dict[str, Any] = {"preset": preset, "guidance": guidance, "judge": judges[0] if judges else None, "store": address}
     shared |= {"out": str(out), "among": list(captions.pool) or None, "judges": list(judges[1:]) or None}
+    shared["score_only"] = score_only
     cells: list[Cell] = []
     for variant, changes in rows.items():
         own = [*settings, *changes]
@@ -152,7 +155,7 @@ def _settled(variant: str, preset: str, **options: Any) -> DreamConfig:
 def _cell(variant: str, config: DreamConfig, parameters: dict[str, Any]) -> Cell:
     caption = parameters["caption"]
     among, judges = parameters["among"] or (), parameters["judges"] or ()
-    place: dict[str, Any] = {"preset": parameters["preset"], "store": parameters["store"], "out": Path(parameters["out"])}
+    place: dict[str, Any] = {name: parameters[name] for name in ("preset", "store", "score_only")} | {"out": Path(parameters["out"])}
     try:
         order = order_of(caption, config=config, among=among, judges=judges, **place)
     except EncoderError as error:

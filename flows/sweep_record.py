@@ -10,7 +10,7 @@ from typing import Any
 from dreamfields_core.reporting.contract import Entry
 from flows.order import folder_name, slug
 from flows.report import POSTER, lay_out, read_history
-from flows.result import find_dream, told
+from flows.result import SCORED, find_dream, find_made, told
 from flows.sweep_plan import Cell, Plan
 from storage.artifacts import ArtifactRef, export
 from storage.contract import Store
@@ -24,7 +24,7 @@ TRUTHS = "true pictures"
 
 @dataclass(frozen=True)
 class Member:
-    """One object of a sweep. key: of its record in the store, of step "dream"; None where `error` says why there is none."""
+    """One object of a sweep. key: of its record in the store (flows/result.py); None where `error` says why there is none."""
 
     variant: str
     caption: str
@@ -86,8 +86,8 @@ def entries(record: StepRecord, store: Store, out: Path) -> Iterator[Entry]:
     """
     yield from truths(record, store, out)
     for member in members(record):
-        found = find_record(store, "dream", member.key, digests=False) if member.key else None
-        if found is None:
+        found = find_made(store, member.key, digests=False) if member.key else None
+        if found is None or (found.step == SCORED and member.error):
             yield Entry(member.variant, member.caption, member.seed, error=member.error or "not dreamed yet")
         else:
             files = lay_out(found, store, out, folder_name(member.caption, found.config))

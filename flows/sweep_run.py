@@ -38,8 +38,8 @@ def sentence(error: BaseException) -> str:
 
 def make_plainly(order: Order, place: Place) -> dict[str, Any]:
     """One object without a conductor; what result.json says. Raises: whatever a step raises."""
-    pool = keep_pool(place.store, order.among)
-    made = make_object(Plainly(place, order.config), order.caption, order.config, pool=pool, judges=order.judges)
+    wishes: dict[str, Any] = {"judges": order.judges, "score_only": order.score_only, "pool": keep_pool(place.store, order.among)}
+    made = make_object(Plainly(place, order.config), order.caption, order.config, **wishes)
     return leave(order, made, place.store)
 
 

@@ -1,7 +1,7 @@
 """The optimisation from one checkpoint to the next: executed steps, saves, roll-backs, and a stop that loses nothing.
 
 Everything that decides what happens next is in the checkpoint, so a run that was stopped at any instant ends with the same
-bits as one that was not: the state, the history, and the anchor, the last regular checkpoint that was sound, to which a
+bits as one that was not: the state, the history, the glimpses, and the anchor, the last regular checkpoint that was sound, to which a
 roll-back returns. Metrics are read some steps late, so that the device never waits for the host.
 """
 
@@ -27,6 +27,8 @@ from storage.saver import AsyncSaver
 
 LAG = 2
 """Steps between a step's launch and the reading of its metrics."""
+GLIMPSES = 10
+"""Pictures from the held-out view in the course of a dream, so that a judge can say afterwards how it went."""
 ROLL_BACKS = 4
 """Each halves the rate; after so many a run is given up."""
 
@@ -45,6 +47,7 @@ class Dreamer:
         self.program, self.embedding, self.store, self.run, self.tell = program, embedding, store, run, tell
         self.config: DreamConfig = program.config
         self.history: list[dict[str, float]] = []
+        self.glimpses: dict[int, np.ndarray] = {}
         self.unread: deque[Metrics] = deque()
         self.template: DreamState = jax.eval_shape(program.start)
         self.saved, self._before, self._begun = 0, 0.0, time.monotonic()
@@ -81,6 +84,8 @@ class Dreamer:
         """
         self.state, metrics = self.program.step(self.state, self.embedding)
         self.unread.append(metrics)
+        if self.step % max(1, self.config.optim.steps // GLIMPSES) == 0:
+            self.glimpses[self.step] = self.program.glimpse(self.state)
         optim = self.config.optim
         due = self.step >= optim.steps or self.step % optim.checkpoint_every == 0
         if self._read(leave=0 if due or is_looked_at(self.step, optim) else LAG) and (due or self.settled):
@@ -126,6 +131,7 @@ class Dreamer:
         self._settle()
         arrays = {f"state/{name}": value for name, value in self.arrays().items()}
         arrays |= {f"history/{name}": self._column(name) for name in (self.history[0] if self.history else {})}
+        arrays |= {f"glimpses/{step}": picture for step, picture in self.glimpses.items()}
         if self._anchored != self.step:
             arrays |= {f"anchor/{name}": value for name, value in self.anchor.items()}
         self.saver.save(self.step, arrays, {"step": self.step, "seconds": self.seconds})
@@ -141,7 +147,7 @@ class Dreamer:
         checkpoint = latest_checkpoint(self.store, self.run)
         if checkpoint is None:
             return False
-        groups: dict[str, Arrays] = {"state": {}, "anchor": {}, "history": {}}
+        groups: dict[str, Arrays] = {"state": {}, "anchor": {}, "history": {}, "glimpses": {}}
         for name, value in checkpoint.arrays.items():
             group, _, rest = name.partition("/")
             groups[group][rest] = value
@@ -149,6 +155,7 @@ class Dreamer:
         self.anchor = groups["anchor"] or groups["state"] | {"anchored": np.asarray(checkpoint.step)}
         names, columns = list(groups["history"]), [column.tolist() for column in groups["history"].values()]
         self.history = [dict(zip(names, row)) for row in zip(*columns)]
+        self.glimpses = {int(step): groups["glimpses"][step] for step in sorted(groups["glimpses"], key=int)}
         self.saved, self._before = checkpoint.step, float(checkpoint.metadata["seconds"])
         self.tell("resumed", step=checkpoint.step)
         return True
@@ -165,6 +172,7 @@ class Dreamer:
         sound = state_from_arrays(self.template, {name: value.copy() for name, value in self.anchor.items()})
         self.state = replace(sound, rate_scale=jnp.full_like(sound.rate_scale, scale), bad=jnp.zeros_like(sound.bad))
         self.history = self.history[: self._anchored]
+        self.glimpses = {step: picture for step, picture in self.glimpses.items() if step <= self._anchored}
         self.saver.close()
         self.saver = self._open()
         self.saved = self._anchored

@@ -144,12 +144,15 @@ def _results(dreamer: Any, store: Any) -> Event:
     from storage.artifacts import put_artifact
     from tasks.finished_field import MEDIA_TYPE, pack_field
 
-    history = io.BytesIO()
+    history, glimpses = io.BytesIO(), io.BytesIO()
     np.savez(history, **{name: np.asarray([row[name] for row in dreamer.history], np.float32) for name in dreamer.history[0]})  # type: ignore[arg-type]
+    seen = dreamer.glimpses | {dreamer.step: dreamer.program.glimpse(dreamer.state)}
+    np.savez(glimpses, steps=np.asarray(list(seen)), pictures=np.stack(list(seen.values())))
     arrays = dreamer.arrays()
     outputs = [
         put_artifact(store, "field.safetensors", pack_field(arrays, dreamer.config), MEDIA_TYPE),
         put_artifact(store, "history.npz", history.getvalue(), "application/x-npz"),
+        put_artifact(store, "glimpses.npz", glimpses.getvalue(), "application/x-npz"),
         put_artifact(store, "preview.png", png(dreamer.program.preview(dreamer.state)), "image/png"),
     ]
     last = {name: value if math.isfinite(value) else None for name, value in dreamer.history[-1].items()}

@@ -1,4 +1,4 @@
-"""field -> pictures: the held-out views that are judged, a contact sheet and turntables for people."""
+"""field -> pictures: the held-out views that are judged; a contact sheet and turntables for people."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import io
 
 import numpy as np
 
+from dreamfields_core.config import EvaluateConfig
 from dreamfields_core.rendering.images import on_shade, on_white
 from dreamfields_core.rendering.pictures import BACKDROP, contact_sheet, depth_shades, picture, png, transmittance_shades
 from dreamfields_core.scene.cameras import Pose, poses_at
@@ -15,24 +16,32 @@ from tasks.finished_field import unpack_field, view_by
 from tasks.step import Made, Work
 
 
-def render(work: Work) -> Made:
-    """Every picture of the finished field; those for people, not for the judge, with half the samples."""
+def views(work: Work) -> Made:
+    """What a judge sees: the held-out views on white, with all samples."""
     look, dream = work.config.evaluate, unpack_field(work.read("field"))
-    closely, quickly = (view_by(dream, samples=samples) for samples in (look.samples, max(1, look.samples // 2)))
+    seen = view_by(dream, samples=look.samples)(_around(look, look.azimuths), work.number("size"))
+    file = io.BytesIO()
+    np.savez(file, views=on_white(seen).astype(np.float32), origin=np.asarray(dream.origin))
+    return Made((work.keep("views.npz", file.getvalue(), "application/x-npz"),))
 
-    def around(azimuths: tuple[float, ...]) -> Pose:
-        return poses_at(azimuths, look.elevation, radius=look.radius, focal=look.focal)
 
-    judged, shown = closely(around(look.azimuths), work.number("size")), quickly(around(look.azimuths), look.picture_size)
-    turning = quickly(around(full_turn(look.turntable_frames)), look.picture_size)
+def render(work: Work) -> Made:
+    """What people see, with half the samples."""
+    look, dream = work.config.evaluate, unpack_field(work.read("field"))
+    see = view_by(dream, samples=max(1, look.samples // 2))
+    shown = see(_around(look, look.azimuths), look.picture_size)
+    turning = see(_around(look, full_turn(look.turntable_frames)), look.picture_size)
     return Made(
         (
-            work.keep("views.npz", _views(judged, np.asarray(dream.origin)), "application/x-npz"),
             work.keep("contact_sheet.png", png(contact_sheet(shown, work.text("caption"))), "image/png"),
             *(ref for name, frames in _turntables(turning).items() for ref in keep_films(work, name, frames)),
         ),
         {"opacity": float(1 - shown.transmittance.mean())},
     )
+
+
+def _around(look: EvaluateConfig, azimuths: tuple[float, ...]) -> Pose:
+    return poses_at(azimuths, look.elevation, radius=look.radius, focal=look.focal)
 
 
 def _turntables(turning: Rendering) -> dict[str, list[np.ndarray]]:
@@ -43,9 +52,3 @@ def _turntables(turning: Rendering) -> dict[str, list[np.ndarray]]:
         "turntable_transmittance": transmittance_shades(turning),
     }
     return {name: list(picture(images)) for name, images in shades.items()}
-
-
-def _views(judged: Rendering, origin: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    np.savez(file, views=on_white(judged).astype(np.float32), origin=origin)
-    return file.getvalue()

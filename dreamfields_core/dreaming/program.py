@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from dreamfields_core.config import DreamConfig
+from dreamfields_core.config import DreamConfig, EvaluateConfig
 from dreamfields_core.dreaming.augmentations import augmented_copies
 from dreamfields_core.dreaming.losses import cosines, regularized
 from dreamfields_core.dreaming.schedules import density_noise, learning_rate, target_transmittance
@@ -32,6 +32,8 @@ from dreamfields_core.scene.origin import track_origin
 from dreamfields_core.types import Array, Encoder, Params, Rays, Rendering
 
 Metrics = dict[str, Array]
+HELD_OUT = EvaluateConfig()
+"""The paper's held-out view. Not the configuration's, since how an object is judged must not decide what is made on the way to it."""
 
 
 class DreamProgram:
@@ -85,8 +87,12 @@ class DreamProgram:
         camera, evaluate = self.config.camera, self.config.evaluate
         elevation = 0.5 * (camera.elevation.low + camera.elevation.high)
         pose = poses_at([azimuth], elevation, radius=evaluate.radius, focal=0.5 * (camera.focal.low + camera.focal.high))
-        picture = on_white(jax.device_get(self._preview(state, pose)))
-        return np.round(255 * picture[0]).astype(np.uint8)
+        return self._picture(state, pose)
+
+    def glimpse(self, state: DreamState) -> np.ndarray:
+        """The first held-out view of the paper, in the training size on white, uint8 [H, W, 3]."""
+        pose = poses_at(HELD_OUT.azimuths[:1], HELD_OUT.elevation, radius=HELD_OUT.radius, focal=HELD_OUT.focal)
+        return self._picture(state, pose)
 
     def advance(self, state: DreamState, seed_key: Array, encoder_params: Params, text_embedding: Array) -> tuple[DreamState, Metrics]:
         """`step` as a function of all that it reads, to be compiled."""
@@ -179,6 +185,10 @@ class DreamProgram:
             skip=render.skip,
         )
         return jax.tree.map(lambda leaf: leaf.reshape(*shape, *leaf.shape[1:]), rendering), tally
+
+    def _picture(self, state: DreamState, pose: Pose) -> np.ndarray:
+        picture = on_white(jax.device_get(self._preview(state, pose)))
+        return np.round(255 * picture[0]).astype(np.uint8)
 
     def _render_preview(self, state: DreamState, pose: Pose) -> Rendering:
         return self._render(None, self.field, self.field.prepare(state.params), pose, state.origin, state.occupancy)[0]

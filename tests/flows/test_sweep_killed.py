@@ -45,7 +45,7 @@ def swept(site: Site, out: Path, **more: Any) -> Any:
 
 def finished_steps(store: Store) -> dict[str, bytes]:
     """The log of executed steps: each leaves a record with the moment and the time it took, which doing it again would change."""
-    steps = ("encode", "optimize", "render", "mesh", "score", "dream")
+    steps = ("encode", "optimize", "views", "render", "mesh", "score", "mesh_score", "dream")
     return {key: store.get(key) for step in steps for key in store.list(f"artifacts/{step}")}
 
 

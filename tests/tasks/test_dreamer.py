@@ -44,7 +44,7 @@ class Run:
     def result(self) -> dict[str, np.ndarray]:
         """Everything that a later step or a file is made of."""
         rows = {f"row/{name}": np.asarray([row[name] for row in self.dreamer.history]) for name in self.dreamer.history[0]}
-        return self.dreamer.arrays() | rows
+        return self.dreamer.arrays() | rows | {f"glimpse/{step}": picture for step, picture in self.dreamer.glimpses.items()}
 
 
 def same(a: Run, b: Run) -> bool:
@@ -108,6 +108,7 @@ def test_bad_steps_lead_back_to_the_last_sound_checkpoint_with_half_the_rate(sto
     run = Run(store, bad_from=12, cured_below=0.3).go()
     assert run.facts("rolled_back") == [{"step": 15, "to": 10, "rate_scale": 0.5}, {"step": 15, "to": 10, "rate_scale": 0.25}]
     assert int(run.dreamer.state.step) == 23 and len(run.dreamer.history) == 23
+    assert list(run.dreamer.glimpses) == list(range(2, 24, 2)), "those of the steps that were taken back were taken again"
     assert float(run.dreamer.state.rate_scale) == 0.25
     assert all(np.isfinite(row["loss"]) for row in run.dreamer.history)
 
