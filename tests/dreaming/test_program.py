@@ -10,6 +10,8 @@ import pytest
 from dreamfields_core.config import DreamConfig, HybridConfig, ResidualMLPConfig, validate
 from dreamfields_core.dreaming.program import DreamProgram
 from dreamfields_core.dreaming.state import DreamState, state_from_arrays, state_to_arrays
+from dreamfields_core.rendering.images import on_white, view_renderer
+from dreamfields_core.scene.cameras import poses_at
 from dreamfields_core.types import Array, Encoder
 
 FIELDS = {
@@ -158,6 +160,18 @@ def test_a_preview_is_a_picture_and_leaves_the_state_alone(run: Run) -> None:
     assert picture.shape == (8, 8, 3) and picture.dtype == np.uint8
     assert_same(state_to_arrays(state), run.last)
     np.testing.assert_array_equal(picture, run.program.preview(state))
+
+
+def test_a_glimpse_is_the_papers_held_out_view(run: Run) -> None:
+    state = state_from_arrays(run.program.start(), run.last)
+    program, skip = run.program, run.program.config.render.skip
+    pose = jax.tree.map(lambda leaf: leaf[0], poses_at([30.0], 45.0, radius=4.0, focal=1111.1111 / 800))
+    bound, samples = program.config.scene.bound, program.config.render.samples
+    see = view_renderer(program.field, state.params, state.origin, state.occupancy, samples=samples, bound=bound, skip=skip)
+    wanted, glimpse = 255 * on_white(see(pose, 8)), run.program.glimpse(state)
+    assert glimpse.dtype == np.uint8 and np.ptp(glimpse) > 0
+    np.testing.assert_allclose(glimpse, wanted, atol=0.6)
+    assert_same(state_to_arrays(state), run.last)
 
 
 @pytest.mark.slow

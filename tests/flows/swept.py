@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,10 @@ from tests.reporting.objects import JUDGE, result
 FRAMES, SIDE, STEPS = 4, 32, 200
 
 
-def keep_dream(store: Store, caption: str, seed: int, *, rank: int = 1, shade: int = 0) -> StepRecord:
-    """A record of step "dream" with its files; of another shade, another turntable."""
+def keep_dream(
+    store: Store, caption: str, seed: int, *, rank: int = 1, shade: int = 0, learning: dict[str, list[int]] | None = None
+) -> StepRecord:
+    """A record of step "dream" with its files; of another shade, another turntable. learning: steps and ranks on the way."""
     rng = np.random.default_rng([seed, shade, *caption.encode()])
     frames = [np.full((SIDE, SIDE, 3), color, np.uint8) for color in rng.integers(0, 256, (FRAMES, 3))]
     history = io.BytesIO()
@@ -38,6 +41,30 @@ def keep_dream(store: Store, caption: str, seed: int, *, rank: int = 1, shade: i
                 put_artifact(store, "history.npz", history.getvalue(), "application/x-npz"),
                 put_artifact(store, "field.safetensors", b"large", "application/x-safetensors"),
             ),
-            values={"scores": result(rank)["scores"], "seed": seed, "judge": JUDGE},
+            values={"scores": _scores(rank, learning), "seed": seed, "judge": JUDGE},
         ),
     )
+
+
+def keep_scored(store: Store, caption: str, seed: int, *, rank: int = 1) -> StepRecord:
+    """A record of an object that was only scored: views, no turntable, no mesh."""
+    views = io.BytesIO()
+    np.savez(views, views=np.random.default_rng(seed).random((2, SIDE, SIDE, 3), np.float32), origin=np.zeros(3))
+    scores = {judge: {name: said for name, said in found.items() if name != "mesh"} for judge, found in _scores(rank, None).items()}
+    return put_record(
+        store,
+        StepRecord(
+            step="scored",
+            version=1,
+            key=json_digest([caption, seed]),
+            config={"seed": seed},
+            inputs={"caption": caption},
+            outputs=(put_artifact(store, "views.npz", views.getvalue(), "application/x-npz"),),
+            values={"scores": scores, "seed": seed, "judge": JUDGE},
+        ),
+    )
+
+
+def _scores(rank: int, learning: dict[str, list[int]] | None) -> dict[str, Any]:
+    scores: dict[str, Any] = result(rank)["scores"]
+    return {judge: said | ({"learning": learning} if learning else {}) for judge, said in scores.items()}

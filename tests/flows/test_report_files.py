@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,12 @@ from dreamfields_core.reporting.contract import Entry, Report
 from dreamfields_core.reporting.curves import POINTS
 from dreamfields_core.reporting.pictures import montage, still
 from flows.report import lay_out, read_history, show_report, write_page
+from flows.result import find_made
+from storage.artifacts import get_artifact
 from storage.contract import Store
 from storage.steps import StepRecord
 from storage.store import open_store
-from tests.flows.swept import STEPS, keep_dream
+from tests.flows.swept import SIDE, STEPS, keep_dream, keep_scored
 from tests.reporting.objects import JUDGE, entry, result
 
 
@@ -77,6 +80,32 @@ def test_histories_are_thinned(dream: StepRecord, store: Store) -> None:
     history = read_history(dream, store)
     assert history is not None and set(history) == {"step", "loss", "similarity", "transmittance"}
     assert len(history["step"]) == len(history["loss"]) == POINTS and history["step"][-1] == STEPS
+
+
+def test_the_first_judges_ranks_on_the_way_are_a_curve(store: Store) -> None:
+    learning = {"steps": [50, 100, 150, STEPS], "ranks": [7, 1, 1, 2]}
+    history = read_history(keep_dream(store, "a red mushroom", 0, learning=learning), store)
+    assert history is not None and len(history["correct"]) == POINTS
+    known_at = {round(step): value for step, value in zip(history["step"], history["correct"]) if not np.isnan(value)}
+    assert list(known_at.values()) == [0.0, 1.0, 1.0, 0.0] and list(known_at)[-1] == STEPS
+
+
+def test_of_what_was_only_scored_the_first_view_is_shown(store: Store, tmp_path: Path) -> None:
+    scored = keep_scored(store, "a red mushroom", 3)
+    files = lay_out(scored, store, tmp_path / "out", "mushroom")
+    assert set(files) == {"poster.webp"} and read_history(scored, store) is None
+    with np.load(io.BytesIO(get_artifact(store, scored.output("views.npz")))) as seen:
+        first = 255 * seen["views"][0].mean(axis=(0, 1))
+    shown = still((tmp_path / "out" / files["poster.webp"]).read_bytes())
+    assert shown.shape == (SIDE, SIDE, 3)
+    np.testing.assert_allclose(shown.mean(axis=(0, 1)), first, atol=6)
+
+
+def test_an_object_with_a_mesh_is_preferred_to_its_score(store: Store) -> None:
+    scored = keep_scored(store, "a red mushroom", 0)
+    assert find_made(store, scored.key) == scored
+    whole = keep_dream(store, "a red mushroom", 0)
+    assert whole.key == scored.key and find_made(store, scored.key) == whole
 
 
 def test_the_page_is_written_whole(tmp_path: Path) -> None:

@@ -13,8 +13,9 @@ from flows.coco_sweep import coco_sweep
 from flows.order import OrderError
 from flows.result import dream_key
 from flows.sweep_plan import PLAIN, listed, plan_sweep, seeds_of
-from flows.sweep_record import keep_sweep, members, missing, sweeps
+from flows.sweep_record import entries, keep_sweep, members, missing, sweeps
 from flows.tables import TableError, load_table
+from storage.steps import StepRecord, put_record
 from storage.store import open_store
 from tasks.caption_sets import captions_from
 from tests.tasks.tiny import SETTINGS
@@ -53,6 +54,19 @@ def test_the_same_wishes_have_the_same_name_and_others_another(tmp_path: Path) -
     name = plan("embedded:3", tmp_path).name
     assert plan("embedded:3", tmp_path / "elsewhere").name == name
     assert len({name, plan("embedded:4", tmp_path).name, plan("embedded:3", tmp_path, seeds=[1]).name}) == 3
+
+
+def test_what_is_only_scored_is_the_same_sweep_with_the_same_keys(tmp_path: Path) -> None:
+    whole, scored = plan("embedded:2", tmp_path), plan("embedded:2", tmp_path, score_only=True)
+    assert scored.name == whole.name and [cell.key for cell in scored.cells] == [cell.key for cell in whole.cells]
+    assert all(cell.order.score_only and cell.parameters["score_only"] for cell in scored.cells)
+    store = open_store(whole.store)
+    keep_sweep(scored, store, {str(scored.cells[0].key): "the lamp went out"})
+    (record,) = sweeps(store)
+    assert [entry.error for entry in entries(record, store, tmp_path)] == ["the lamp went out", "not dreamed yet"]
+    for cell in whole.cells:
+        put_record(store, StepRecord("scored", 1, str(cell.key), inputs={"caption": cell.caption}, config={}, values={"scores": {}}))
+    assert [entry.error for entry in entries(record, store, tmp_path)] == ["the lamp went out", None]
 
 
 def test_a_caption_that_cannot_be_dreamed_is_an_error_of_its_own(lines: str, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from flows.nightly_eval import nightly_eval
 from flows.sweep_record import TRUTHS, members, sweeps
 from storage.checkpoints import latest_checkpoint
 from storage.contract import Store
-from storage.steps import StepRecord, find_record
+from storage.steps import StepRecord, find_record, read_records
 from storage.store import open_store
 from tests.flows.site import wait_for
 from tests.tasks.processes import Process, gone, workers_of
@@ -83,6 +83,28 @@ def test_a_second_call_makes_nothing(again: Path) -> None:
     process = sweep(again)
     assert process.end() == 1 and "2 there already, 0 to dream" in process.text(), process.text()
     assert {key: store.get(key) for key in store.list("artifacts") if "/sweep/" not in key} == before
+
+
+def test_what_was_only_scored_becomes_whole_without_being_dreamed_again(tmp_path: Path) -> None:
+    (tmp_path / "captions.txt").write_text("a red mushroom\n")
+    process = sweep(tmp_path, "--score-only")
+    assert process.end() == 0, process.text()
+    store = open_store(tmp_path / "dreams" / "store")
+    steps = ("encode", "optimize", "views", "score", "scored")
+    first = {key: store.get(key) for step in steps for key in store.list(f"artifacts/{step}")}
+    assert len(first) == 5 and not any(store.list(f"artifacts/{step}") for step in ("render", "mesh", "mesh_score", "dream"))
+    (scored,) = read_records(store, "scored")
+    (said,) = scored.values["scores"].values()
+    assert said["learning"]["steps"] == list(range(1, 13)) and len(said["learning"]["ranks"]) == 12 and "mesh" not in said
+
+    process = sweep(tmp_path)
+    assert process.end() == 0 and "0 there already, 1 to dream" in process.text(), process.text()
+    assert first == {key: store.get(key) for step in steps for key in store.list(f"artifacts/{step}")}, "a step was done again"
+    (whole,) = read_records(store, "dream")
+    (more,) = whole.values["scores"].values()
+    assert {name: more[name] for name in said} == said and more["mesh"]["random"]["pool"] == 1
+    process = sweep(tmp_path, "--score-only")
+    assert process.end() == 0 and "1 there already, 0 to dream" in process.text(), process.text()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at processes through /proc")
