@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from dreamfields_core.config import DreamConfig, parts
+from dreamfields_core.guidance.tokens import cuts_told
 from storage.artifacts import ArtifactRef, get_artifact, put_artifact
 from storage.contract import Store
 from storage.digests import json_digest
@@ -149,7 +150,11 @@ def perform(step: Step, place: Place, config: DreamConfig, inputs: Mapping[str, 
         if known is not None:
             return Done(known, cached=True)
         begun = time.monotonic()
-        made = step.run(Work(place, config, inputs, key))
+        cuts: dict[str, None] = {}  # a set that keeps the order
+        with cuts_told(lambda sentence: cuts.update({sentence: None})):
+            made = step.run(Work(place, config, inputs, key))
+        if cuts:
+            tell(next(iter(cuts)) + (f" ({len(cuts) - 1} more wordings or captions are cut too)" if len(cuts) > 1 else ""))
         record = StepRecord(
             step=step.name,
             version=step.version,

@@ -3,15 +3,36 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 import numpy as np
 
 Tokenize = Callable[[Sequence[str]], np.ndarray]
+SHOWN = 40
+"""Characters of a caption that the warning repeats, at most, before the place where it is cut."""
 
 
 class CaptionCut(UserWarning):
     """A caption is longer than the model reads; the text says after which words it is cut."""
+
+
+def _warn(sentence: str) -> None:
+    warnings.warn(sentence, CaptionCut, stacklevel=4)
+
+
+_tell: ContextVar[Callable[[str], None]] = ContextVar("who is told of a caption that is cut", default=_warn)
+
+
+@contextmanager
+def cuts_told(tell: Callable[[str], None]) -> Iterator[None]:
+    """Within, `tell` gets the sentence about each caption that is cut, instead of Python's warnings."""
+    before = _tell.set(tell)
+    try:
+        yield
+    finally:
+        _tell.reset(before)
 
 
 Pieces = tuple[list[int], list[str]]
@@ -43,9 +64,9 @@ def padded(
             raise TypeError(f"expected captions as text, got {type(caption).__name__}: pass a list of strings")
         ids, texts = split(caption)
         if len(ids) > room:
-            kept = "".join(texts[:room]).strip()
-            message = f'{name} reads {room} tokens and this caption has {len(ids)}: it is cut after "...{kept[-40:]}"'
-            warnings.warn(message, CaptionCut, stacklevel=3)
+            _tell.get()(
+                f'{name} reads {room} tokens and this caption has {len(ids)}: it is cut after "{_end("".join(texts[:room]).strip())}"'
+            )
         row = [*before, *ids[:room], *after]
         return row + [padding] * (length - len(row))
 
@@ -55,3 +76,11 @@ def padded(
         return np.array([one(caption) for caption in captions], np.int32).reshape(len(captions), length)
 
     return tokenize
+
+
+def _end(text: str) -> str:
+    """The last words of a text."""
+    if len(text) <= SHOWN:
+        return text
+    tail = text[-SHOWN:]
+    return f"... {tail.partition(' ')[2] or tail}"

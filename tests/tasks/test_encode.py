@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import re
+import warnings
 from pathlib import Path
 
 import jax
@@ -69,6 +71,20 @@ def test_words_that_the_settings_add_and_the_model_lacks_are_named(tmp_path: Pat
     assert desk.encode("embedded", "guidance.captions=views").shape[0] == 4
     (note,) = [event["text"] for event in desk.said if event["event"] == "note"]
     assert "does not know back, front, overhead, side, view, which the settings add" in note
+
+
+def test_a_caption_that_is_cut_is_told_to_whoever_dreams_it(clip: str, tmp_path: Path) -> None:
+    desk, long = Desk(tmp_path), ", ".join(["a red cube in the snow"] * 12)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        desk.encode(clip, "guidance.captions=views", caption=long)
+    (note,) = [event["text"] for event in desk.said if event["event"] == "note"]
+    assert re.fullmatch(
+        r'clip reads 75 tokens and this caption has \d+: it is cut after "\.\.\. .*the snow.*" \(3 more wordings or captions are cut too\)',
+        note,
+    )
+    desk.encode(clip, caption="a red cube in the snow")
+    assert len(desk.said) == 1
 
 
 @pytest.mark.parametrize(

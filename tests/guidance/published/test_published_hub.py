@@ -86,8 +86,11 @@ def test_a_killed_download_goes_on_where_it_stopped(hub: Hub, tmp_path: Path) ->
         process.communicate()
         size = got[0].stat().st_size
         hub.asked.clear()
-        assert ask("good/model", hub, tmp_path)["origin"] == f"good/model@{COMMIT}"
+        second = start("good/model", hub, tmp_path, TQDM_POSITION="-1")  # the client's bars, though nobody watches
+        out, shown = second.communicate(timeout=120)
+    assert json.loads(out.splitlines()[-1])["origin"] == f"good/model@{COMMIT}", shown
     assert asked_ranges(hub) == [f"bytes={size}-"] and 0 < size <= 12_000_000
+    assert "model.safetensors: " in shown and "100%" in shown
     blob = next(tmp_path.rglob("model.safetensors")).resolve()
     assert blob.read_bytes() == hub.files["model.safetensors"] and not list(tmp_path.rglob("*.part"))
 

@@ -15,7 +15,7 @@ import published_models as made
 import pytest
 
 from dreamfields_core.guidance.architecture import UnfitModel
-from dreamfields_core.guidance.tokens import CaptionCut
+from dreamfields_core.guidance.tokens import CaptionCut, cuts_told
 from dreamfields_core.guidance.tokens_bert import lit_bert_tokens
 from dreamfields_core.guidance.tokens_clip import clean, clip_tokens, from_tokenizer_json, from_vocab_and_merges
 from dreamfields_core.guidance.tokens_sentencepiece import from_model_file, lit_tokens, siglip_tokens
@@ -198,12 +198,16 @@ def test_a_long_caption_is_cut_and_the_warning_says_where() -> None:
     vocabulary, merges = made.clip_vocabulary()
     tokenize = clip_tokens(vocabulary, merges, name="clip-vit-b32")
     words = " ".join(f"cube {number}" for number in range(60))
-    with pytest.warns(CaptionCut, match=r'clip-vit-b32 reads 75 tokens and this caption has \d+: it is cut after ".*cube \d'):
+    with pytest.warns(CaptionCut, match=r'clip-vit-b32 reads 75 tokens and this caption has \d+: it is cut after "\.\.\. .*cube \d.*"$'):
         row = tokenize([words])[0]
     assert len(row) == 77 and row[0] == vocabulary["<|startoftext|>"] and row[-1] == vocabulary["<|endoftext|>"]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         tokenize(["a cube"])
+        told: list[str] = []
+        with cuts_told(told.append):
+            tokenize([words, "a cube", words])
+    assert len(told) == 2 and "it is cut after" in told[0]
 
 
 def test_captions_of_the_wrong_kind_and_damaged_files_are_refused() -> None:
