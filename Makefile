@@ -75,7 +75,7 @@ test-slow: setup
 # Published models against the implementation that is trusted; PyTorch is large, so it is asked for apart.
 test-parity: setup
 	@$(PY) -m pip install --quiet --disable-pip-version-check -e '.[test,parity]' -c constraints.txt
-	@$(PYTEST) tests/guidance/published -m 'slow or not slow' --timeout 1800
+	@$(PYTEST) tests/guidance/published -m 'parity or slow or not slow' --timeout 1800
 
 lint: setup
 	@$(PY) -m ruff check $(SOURCES)

@@ -66,6 +66,37 @@ def siglip_config(*, size: int = 32, patch: int = 8) -> Any:
     )
 
 
+SIZES = {
+    "B": ({"hidden_size": 768, "num_hidden_layers": 12, "num_attention_heads": 12}, {"hidden_size": 512, "num_attention_heads": 8}, 512),
+    "L": ({"hidden_size": 1024, "num_hidden_layers": 24, "num_attention_heads": 16}, {"hidden_size": 768, "num_attention_heads": 12}, 768),
+}
+"""CLIP's published sizes: the image tower, the text tower, the length of an embedding. MLPs are four times as wide in the middle."""
+
+
+def full_clip(letter: str, patch: int, *, size: int = 224, activation: str = "quick_gelu") -> Any:
+    """A CLIP of a published size."""
+    import transformers
+
+    image, text, dim = SIZES[letter]
+    towers = [part | {"intermediate_size": 4 * part["hidden_size"], "hidden_act": activation} for part in (image, text)]
+    return transformers.CLIPModel(
+        transformers.CLIPConfig(
+            vision_config=towers[0] | {"image_size": size, "patch_size": patch}, text_config=towers[1], projection_dim=dim
+        )
+    )
+
+
+def full_siglip2() -> Any:
+    """SigLIP 2 B/16 at 256 pixels: SigLIP's towers with a vocabulary of 256 000 tokens."""
+    import transformers
+
+    return transformers.SiglipModel(
+        transformers.SiglipConfig(
+            vision_config={"image_size": 256, "patch_size": 16}, text_config={"vocab_size": 256_000, "max_position_embeddings": 64}
+        )
+    )
+
+
 def roughen(model: Any, seed: int = 0) -> Any:
     """Every parameter random, biases, normalisations, positions and pooling too: a part that is left out shows."""
     import torch
