@@ -24,6 +24,7 @@ BENCHMARKS = {
     "mesh": "iso-surface, coarse to fine against the whole lattice: evaluations, seconds, error",
     "encoder": "image tower forward and gradient, against PyTorch (needs the extra `parity`)",
     "store": "checkpoints and artifacts: bytes a second, and how long the optimisation waits",
+    "report": "the page of a sweep over a thousand cached objects: seconds from the store to the page",
 }
 """Name -> what it measures."""
 

@@ -74,3 +74,9 @@ def test_dream(tmp_path: Path) -> None:
     row = found["rows"][0]
     assert row["skipping"]["steps"] == row["hybrid"]["steps"] == 6 and row["dense"]["sampled"]["wall_s"]["count"] == 2
     assert -1 <= row["skipping"]["cosine"] <= 1
+
+
+def test_report(tmp_path: Path) -> None:
+    found = run("report", "--objects", "9", "--mesh-bytes", "1000", "--rounds", "2", folder=tmp_path)
+    assert found["headline"]["page_bytes"] > 20_000 and [row["wall_s"]["count"] for row in found["rows"]] == [1, 2]
+    assert 0 < found["headline"]["again_processor_s"] < 30
