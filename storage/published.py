@@ -7,7 +7,7 @@ off goes on where it stopped. What is in the cache is used without asking the ne
 import hashlib
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -69,18 +69,31 @@ def from_hub(
     Raises: NoNetwork, NotPublished, UnreadableWeights.
     """
     for look in (cached, _fetch):
-        for layout in layouts:
-            paths = {}
-            for name in layout:
-                if (path := look(repository, name, revision)) is None:
-                    break
-                paths[name] = path
-            else:
-                for name, path in paths.items():
-                    _verify(path, (sha256 or {}).get(name), repository)
-                return ModelFiles(f"{repository}@{paths[layout[0]].parent.name}", paths)
+        if paths := _whole(look, repository, layouts, revision):
+            for name, path in paths.items():
+                _verify(path, (sha256 or {}).get(name), repository)
+            return ModelFiles(f"{repository}@{next(iter(paths.values())).parent.name}", paths)
     wanted = " or ".join(" with ".join(layout) for layout in layouts)
     raise NotPublished(f"Expected {wanted} in {repository}, but the repository has no such files: use another one.")
+
+
+def on_disk(repository: str, layouts: Sequence[Sequence[str]], *, revision: str | None = None) -> dict[str, Path]:
+    """What `from_hub` would find without asking the network, not verified; nothing where a file is missing."""
+    return _whole(cached, repository, layouts, revision)
+
+
+def _whole(
+    look: Callable[[str, str, str | None], Path | None], repository: str, layouts: Sequence[Sequence[str]], revision: str | None
+) -> dict[str, Path]:
+    for layout in layouts:
+        paths = {}
+        for name in layout:
+            if (path := look(repository, name, revision)) is None:
+                break
+            paths[name] = path
+        else:
+            return paths
+    return {}
 
 
 def cached(repository: str, name: str, revision: str | None = None) -> Path | None:
@@ -191,6 +204,6 @@ def _git_digest(path: Path) -> str:
     return hashlib.sha1(b"blob %d\0" % len(data) + data, usedforsecurity=False).hexdigest()
 
 
-def size_on_disk(paths: Sequence[Path | None]) -> int:
-    """Bytes of those files that are there."""
-    return sum(os.stat(path).st_size for path in paths if path is not None)
+def size_on_disk(paths: Iterable[Path]) -> int:
+    """Bytes of these files together."""
+    return sum(os.stat(path).st_size for path in paths)

@@ -76,12 +76,11 @@ def load_published(name: str, *, towers: Collection[str] = BOTH, eight_bits: boo
 
 def find_published(name: str) -> Found:
     """The files and architecture of a model, fetched if need be, its weights not yet read. Raises: as `load_published`."""
-    entry = registry.NAMES.get(name)
+    entry = registry.NAMES.get(name) if isdir(name) else registry.known(name)
     if entry is not None and entry.family == "lit":
         return _lit(entry.name, _fetched_lit(entry))
     if entry is not None:
-        order = (HUB, OPEN_CLIP, SHARDED) if entry.layout == "hub" else (OPEN_CLIP, HUB, SHARDED)
-        files = shelf.from_hub(entry.repository, order, revision=entry.revision, sha256=entry.sha256)
+        files = shelf.from_hub(entry.repository, _order(entry), revision=entry.revision, sha256=entry.sha256)
         return _hub(name, files, entry.repository, tokenizer=entry.tokenizer, activation=entry.activation)
     if isdir(name):
         return _folder(Path(name))
@@ -97,11 +96,7 @@ def describe_models() -> list[dict[str, Any]]:
     """A row per short name for `dreamfields models`: name, about, image_size, megabytes, licence, on_disk, from."""
     rows = []
     for model in registry.MODELS:
-        if model.address:
-            there = [path for path in (_lit_folder() / model.address.rsplit("/", 1)[-1],) if path.is_file()]
-        else:
-            names = (OPEN_CLIP[1], HUB[1])
-            there = [path for name in names if (path := shelf.cached(model.repository, name, model.revision)) is not None]
+        there = _on_disk(model)
         rows.append(
             {
                 "name": model.name,
@@ -114,6 +109,20 @@ def describe_models() -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _order(model: registry.Published) -> tuple[tuple[str, str], ...]:
+    return (HUB, OPEN_CLIP, SHARDED) if model.layout == "hub" else (OPEN_CLIP, HUB, SHARDED)
+
+
+def _on_disk(model: registry.Published) -> list[Path]:
+    """All files that the model needs, where every one of them is there; else none."""
+    if model.address and model.vocabulary:
+        paths = [_lit_folder() / address.rsplit("/", 1)[-1] for address in (model.address, model.vocabulary)]
+        return paths if all(path.is_file() for path in paths) else []
+    files = shelf.on_disk(model.repository, _order(model)[:2], revision=model.revision)
+    words = shelf.on_disk(model.tokenizer or model.repository, TOKENIZERS)
+    return [*files.values(), *words.values()] if files and words else []
 
 
 def _folder(folder: Path) -> Found:

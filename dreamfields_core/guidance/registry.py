@@ -34,7 +34,6 @@ class Published:
     licence: str
     about: str
     activation: Activation | None = None
-    second: bool = False
     tokenizer: str | None = None
     address: str | None = None
     vocabulary: str | None = None
@@ -57,8 +56,8 @@ def _laion(name: str, repository: str, size: int, parameters: float, about: str)
     return Published(name, "clip", repository, "open_clip", size, parameters, "MIT", about, activation="gelu", tokenizer=CLIP_TOKENIZER)
 
 
-def _siglip(name: str, size: int, parameters: float, about: str, *, second: bool = False) -> Published:
-    return Published(name, "siglip", f"google/{name}", "hub", size, parameters, "Apache-2.0", about, second=second)
+def _siglip(name: str, size: int, parameters: float, about: str) -> Published:
+    return Published(name, "siglip", f"google/{name}", "hub", size, parameters, "Apache-2.0", about)
 
 
 def _lit(name: str, parameters: float, vocabulary: str, about: str) -> Published:
@@ -76,17 +75,25 @@ MODELS: tuple[Published, ...] = (
     _openai("vit-l14-336", "timm/vit_large_patch14_clip_336.openai", 336, 427.9, "OpenAI's CLIP L/14 at 336 pixels"),
     _laion("clip-vit-b32-laion2b", "laion/CLIP-ViT-B-32-laion2B-s34B-b79K", 224, 151.3, "OpenCLIP B/32 on LAION-2B"),
     _laion("clip-vit-b16-laion2b", "laion/CLIP-ViT-B-16-laion2B-s34B-b88K", 224, 149.6, "OpenCLIP B/16 on LAION-2B"),
+    _laion("clip-vit-l14-laion2b", "laion/CLIP-ViT-L-14-laion2B-s32B-b82K", 224, 427.6, "OpenCLIP L/14 on LAION-2B"),
+    _laion("clip-vit-h14-laion2b", "laion/CLIP-ViT-H-14-laion2B-s32B-b79K", 224, 986.1, "OpenCLIP H/14 on LAION-2B"),
     _laion("clip-vit-b32-datacomp", "laion/CLIP-ViT-B-32-DataComp.XL-s13B-b90K", 224, 151.3, "OpenCLIP B/32 on DataComp-1B"),
-    _laion("clip-vit-b32-256-datacomp", "laion/CLIP-ViT-B-32-256x256-DataComp-s34B-b86K", 256, 151.3, "the same, 256 pixels"),
+    _laion(
+        "clip-vit-b32-256-datacomp",
+        "laion/CLIP-ViT-B-32-256x256-DataComp-s34B-b86K",
+        256,
+        151.3,
+        "OpenCLIP B/32 on DataComp-1B at 256 pixels",
+    ),
     _laion("clip-vit-b16-datacomp", "laion/CLIP-ViT-B-16-DataComp.XL-s13B-b90K", 224, 149.6, "OpenCLIP B/16 on DataComp-1B"),
     _laion("clip-vit-l14-datacomp", "laion/CLIP-ViT-L-14-DataComp.XL-s13B-b90K", 224, 427.6, "OpenCLIP L/14 on DataComp-1B"),
     _siglip("siglip-base-patch16-224", 224, 203.2, "SigLIP B/16"),
     _siglip("siglip-base-patch16-256", 256, 203.2, "SigLIP B/16 at 256 pixels"),
     _siglip("siglip-so400m-patch14-384", 384, 878.0, "SigLIP of 400 M an image tower, 384 pixels"),
-    _siglip("siglip2-base-patch32-256", 256, 376.9, "SigLIP 2 B/32: the quickest of the good ones", second=True),
-    _siglip("siglip2-base-patch16-224", 224, 375.2, "SigLIP 2 B/16", second=True),
-    _siglip("siglip2-base-patch16-256", 256, 375.2, "SigLIP 2 B/16 at 256 pixels", second=True),
-    _siglip("siglip2-large-patch16-256", 256, 881.5, "SigLIP 2 L/16 at 256 pixels", second=True),
+    _siglip("siglip2-base-patch32-256", 256, 376.9, "SigLIP 2 B/32: the quickest of the good ones"),
+    _siglip("siglip2-base-patch16-224", 224, 375.2, "SigLIP 2 B/16"),
+    _siglip("siglip2-base-patch16-256", 256, 375.2, "SigLIP 2 B/16 at 256 pixels"),
+    _siglip("siglip2-large-patch16-256", 256, 881.5, "SigLIP 2 L/16 at 256 pixels"),
     _lit("LiT-B16B", 195.9, "txt", "LiT with ViT-B/16 and BERT-base; the paper's LiT B/32 was never released"),
     _lit("LiT-L16L", 638.4, "txt", "LiT with ViT-L/16 and BERT-large"),
     _lit("LiT-L16S", 331.1, "model", "LiT with ViT-L/16 and a small text tower"),
@@ -95,3 +102,8 @@ MODELS: tuple[Published, ...] = (
 """Every short name. The parameter counts decide nothing; they tell what will be downloaded, about."""
 
 NAMES = {model.name: model for model in MODELS}
+
+
+def known(name: str) -> Published | None:
+    """The model of this short name, or of this repository, whose files may leave out what is said here."""
+    return NAMES.get(name) or next((model for model in MODELS if name and model.repository == name), None)

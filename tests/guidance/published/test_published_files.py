@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 import plain_folder
+import published_models as made
 import pytest
 from safetensors.numpy import save_file
 
 from dreamfields_core.guidance.architecture import UnfitModel
+from dreamfields_core.guidance.registry import NAMES
 from storage.errors import MissingWeights, StorageError, UnreadableWeights
 from storage.mapped import map_arrays
 from storage.published import NotPublished
@@ -187,3 +189,45 @@ def test_every_short_name_is_described_and_says_in_one_sentence_that_there_is_no
         with pytest.raises(StorageError, match=r"HF_HUB_OFFLINE is set.*use --guidance embedded, or ") as caught:
             load_published(row["name"])
         assert "\n" not in str(caught.value)
+
+
+def put(cache: Path, repository: str, files: dict[str, bytes]) -> None:
+    """Files where the hub's client would have left them."""
+    folder = cache / f"models--{repository.replace('/', '--')}"
+    for inner in ("snapshots/abc", "refs"):
+        (folder / inner).mkdir(parents=True, exist_ok=True)
+    (folder / "refs" / "main").write_text("abc")
+    for name, data in files.items():
+        (folder / "snapshots" / "abc" / name).write_bytes(data)
+
+
+def test_a_model_is_on_disk_when_each_of_its_files_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without its tokenizer, which lies in another repository, a model cannot be used offline; nor a LiT without its vocabulary."""
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "hub"))
+    model = NAMES["clip-vit-b32"]
+
+    def there() -> dict[str, int]:
+        return {row["name"]: row["megabytes"] for row in describe_models() if row["on_disk"]}
+
+    put(tmp_path / "hub", model.repository, {"open_clip_model.safetensors": bytes(2_000_000), "open_clip_config.json": b"{}"})
+    assert there() == {}
+    put(tmp_path / "hub", model.tokenizer or "", {"tokenizer.json": bytes(1_000_000)})
+    assert there() == {"clip-vit-b32": 3}
+    (tmp_path / "dreamfields-lit").mkdir()
+    (tmp_path / "dreamfields-lit" / "LiT-B16B.npz").write_bytes(bytes(4_000_000))
+    assert there() == {"clip-vit-b32": 3}
+    (tmp_path / "dreamfields-lit" / "LiT-B16B.txt").write_bytes(b"[CLS]")
+    assert there() == {"clip-vit-b32": 3, "lit-b16b": 4}
+
+
+def test_a_repository_of_the_registry_is_the_model_of_its_short_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its configuration may leave the activation out; whoever gives the repository gets the model that was trained all the same."""
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
+    model = NAMES["clip-vit-b32"]
+    settings = {"model_cfg": {"embed_dim": 24, "vision_cfg": {"layers": 2, "width": 64}, "text_cfg": {"layers": 1}}}
+    put(tmp_path, model.repository, {"open_clip_config.json": json.dumps(settings).encode(), "open_clip_model.safetensors": b"weights"})
+    made.write_clip_tokenizer(tmp_path, *made.clip_vocabulary())
+    put(tmp_path, model.tokenizer or "", {name: (tmp_path / name).read_bytes() for name in ("vocab.json", "merges.txt")})
+    short, long = find_published("clip-vit-b32"), find_published(model.repository)
+    assert short.arch.image.stack.activation == short.arch.text.stack.activation == "quick_gelu"
+    assert long.arch == short.arch and long.digest() == short.digest()
