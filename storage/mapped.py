@@ -96,7 +96,7 @@ def _open_safetensors(path: Path) -> SafetensorsFile:
         size = path.stat().st_size
         with path.open("rb") as file:
             start = file.read(2)
-        if start in (b"PK", b"\x80\x02", b"\x80\x04"):
+        if start == b"PK" or (start[:1] == b"\x80" and start[1:] in (b"\x02", b"\x03", b"\x04", b"\x05")):
             raise UnreadableWeights(
                 f"Expected safetensors in {path}, got a PyTorch or pickle file under its name: use the model's .safetensors file."
             ) from None

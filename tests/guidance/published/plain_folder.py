@@ -26,10 +26,9 @@ def config(**changes: Any) -> dict[str, Any]:
     return json.loads(json.dumps(CONFIG | {"text_config": text} | changes))
 
 
-def arrays(settings: dict[str, Any], *, scale: float = 0.2) -> dict[str, np.ndarray]:
-    """Random weights under the hub's names."""
+def shapes(settings: dict[str, Any]) -> dict[str, tuple[int, ...]]:
+    """The shape of every array under the hub's names."""
     image, text, dim = settings["vision_config"], settings["text_config"], settings["projection_dim"]
-    rng = np.random.default_rng(0)
     shapes: dict[str, tuple[int, ...]] = {
         "logit_scale": (),
         "visual_projection.weight": (dim, image["hidden_size"]),
@@ -48,8 +47,13 @@ def arrays(settings: dict[str, Any], *, scale: float = 0.2) -> dict[str, np.ndar
             dense = {f"self_attn.{name}_proj": (width, width) for name in ("q", "k", "v", "out")}
             for name, shape in (dense | {"mlp.fc1": (hidden, width), "mlp.fc2": (width, hidden)}).items():
                 shapes |= {f"{block}.{name}.weight": shape, f"{block}.{name}.bias": shape[:1]}
-    shapes |= {f"{name}.{kind}": (part["hidden_size"],) for name, part in norms.items() for kind in ("weight", "bias")}
-    return {name: rng.normal(0, scale, shape).astype(np.float32) for name, shape in shapes.items()}
+    return shapes | {f"{name}.{kind}": (part["hidden_size"],) for name, part in norms.items() for kind in ("weight", "bias")}
+
+
+def arrays(settings: dict[str, Any], *, scale: float = 0.2) -> dict[str, np.ndarray]:
+    """Random weights under the hub's names."""
+    rng = np.random.default_rng(0)
+    return {name: rng.normal(0, scale, shape).astype(np.float32) for name, shape in shapes(settings).items()}
 
 
 def write(folder: Path, settings: dict[str, Any] | None = None) -> Path:
