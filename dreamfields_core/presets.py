@@ -21,7 +21,8 @@ from dreamfields_core.config import (
 
 def _paper(*, size: int, crop: int, steps: int) -> DreamConfig:
     return DreamConfig(
-        render=RenderConfig(size=size, crop=crop),
+        # A sample of the paper's network costs enough for a finer memory of where the scene is, and for learning from a tenth.
+        render=RenderConfig(size=size, crop=crop, skip=SkipConfig(resolution=64, learn=0.1)),
         optim=OptimConfig(steps=steps),
         mesh=MeshConfig(resolution=256),
         evaluate=EvaluateConfig(),
@@ -33,7 +34,8 @@ DRAFT = DreamConfig(
     scene=SceneConfig(track_origin=False),
     field=HybridConfig(),
     camera=CameraConfig(elevation=Range(low=15.0, high=40.0), views=3),
-    render=RenderConfig(size=48, crop=44, samples=48, skip=SkipConfig(warmup_steps=24, refresh_every=8)),
+    # Every chunk's gradient goes over the whole grid once: few chunks, and little to gain from learning from fewer samples.
+    render=RenderConfig(size=48, crop=44, samples=48, skip=SkipConfig(warmup_steps=24, refresh_every=8, chunk=16384)),
     augment=AugmentConfig(copies=2, blur=3.0),
     loss=LossConfig(anneal_steps=150, opacity_end=0.14),
     optim=OptimConfig(steps=300, rate_start=3e-2, rate=3e-2, warmup_steps=0, rate_end=3e-3, checkpoint_every=50),

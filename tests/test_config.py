@@ -160,7 +160,7 @@ def test_parts_are_what_was_named_and_json() -> None:
     assert list(named) == ["mesh", "guidance.name", "render.skip.chunk"]
     assert named["mesh"] == DEFAULT.mesh.model_dump(mode="json")
     assert (named["mesh"]["resolution"], named["mesh"]["faces"]) == (128, 20_000)
-    assert named["guidance.name"] == "embedded" and named["render.skip.chunk"] == 16384
+    assert named["guidance.name"] == "embedded" and named["render.skip.chunk"] is None
     assert json.loads(json.dumps(named)) == named
     changed = override(DEFAULT, ("mesh.faces=5000",))
     assert parts(changed, ("field", "render")) == parts(DEFAULT, ("field", "render"))

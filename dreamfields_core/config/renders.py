@@ -20,9 +20,12 @@ class SkipConfig(Part):
     threshold: a cell counts as empty below this optical depth a step length.
     explore: share of the samples in empty cells that is evaluated all the same, weighted up so that expectations hold.
     terminate: transmittance below which nothing further along the ray is evaluated.
+    learn: at most this share of the evaluated samples is expected to carry the gradient on into the field's parameters; drawn by how much
+    each matters, weighted up so that expectations hold.
     refine: fine steps in a coarse one, in pictures of a finished field; only steps that a first, coarse pass finds worth it are fine.
     1 takes every step fine at once.
-    chunk: samples evaluated at once; bounds the memory, not the result.
+    chunk: samples evaluated at once; bounds the memory, not the result. null takes what suits the device: few on a CPU, whose caches are
+    small and whose last chunk is seldom full, many elsewhere.
     """
 
     enabled: bool = True
@@ -33,8 +36,9 @@ class SkipConfig(Part):
     threshold: NonNegative = 1e-3
     explore: PositiveShare = 0.02
     terminate: Share = 1e-4
+    learn: PositiveShare = 1.0
     refine: Count = 1
-    chunk: Count = 16384
+    chunk: Count | None = None
 
 
 class RenderConfig(Part):

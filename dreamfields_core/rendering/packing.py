@@ -1,8 +1,9 @@
 """Ask the field only where it matters: the chosen samples are packed and evaluated chunk by chunk.
 
 Of N samples a mask keeps M. The loop over ceil(M / chunk) chunks has a trip count that is known only while running, so one
-compiled program serves empty and full scenes: no bucket overflows and nothing is dropped. The gradient runs the same loop
-again and evaluates each chunk anew, so that memory is that of one chunk however many samples there are.
+compiled program serves empty and full scenes: no bucket overflows and nothing is dropped. The gradient runs such a loop
+again, over the kept samples whose values the loss depends on at all, and evaluates each chunk anew, so that memory is that of one
+chunk however many samples there are.
 """
 
 from __future__ import annotations
@@ -23,6 +24,11 @@ GaussiansAt = Callable[[Any, Array], Gaussians]
 
 MOST = 2**31 - 1
 """Samples are numbered in int32."""
+
+
+def chunk_size(wanted: int | None) -> int:
+    """`wanted`, or what suits this process's device: on a CPU 4 096, whose activations stay in its caches, elsewhere 65 536."""
+    return wanted or (4096 if jax.default_backend() == "cpu" else 65536)
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0, 1, 2))
@@ -54,7 +60,7 @@ def _forward(
     apply: Apply, gaussians_at: GaussiansAt, chunk: int, prepared: Params, samples: Any, mask: Array
 ) -> tuple[tuple[Array, Array], Any]:
     if mask.size == 0:
-        return (jnp.zeros(0), jnp.zeros((0, 3))), (prepared, samples, mask, jnp.zeros(0, jnp.int32))
+        return (jnp.zeros(0), jnp.zeros((0, 3))), (prepared, samples, mask)
     counts = jnp.cumsum(mask, dtype=jnp.int32)
     capacity = -(-mask.shape[0] // chunk) * chunk
 
@@ -66,12 +72,14 @@ def _forward(
 
     packed = _over_chunks(counts, chunk, body, jnp.zeros((capacity, 4)))
     spread = jnp.where(mask[:, None], packed[jnp.maximum(counts - 1, 0)], 0.0)
-    return (spread[:, 0], spread[:, 1:]), (prepared, samples, mask, counts)
+    return (spread[:, 0], spread[:, 1:]), (prepared, samples, mask)
 
 
 def _backward(apply: Apply, gaussians_at: GaussiansAt, chunk: int, saved: Any, gradient: tuple[Array, Array]) -> tuple[Params, Any, Any]:
-    prepared, samples, mask, counts = saved
+    prepared, samples, mask = saved
     raw_gradient, color_gradient = gradient
+    # Not a number is unlike zero, so what has gone wrong is carried on.
+    counts = jnp.cumsum(mask & ((raw_gradient != 0) | jnp.any(color_gradient != 0, axis=-1)), dtype=jnp.int32)
     # Added up in float32: in half precision a sum of many chunks stops growing once a chunk is a thousandth of it.
     nothing = jax.tree.map(lambda leaf: in_float32(jnp.zeros_like(leaf)), prepared)
 

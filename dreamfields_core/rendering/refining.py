@@ -15,7 +15,7 @@ from dreamfields_core.config import SkipConfig
 from dreamfields_core.fields.contract import Field
 from dreamfields_core.rendering.compositing import composite, optical_depths, transmittance_before
 from dreamfields_core.rendering.occupancy import Occupancy
-from dreamfields_core.rendering.packing import evaluate_packed
+from dreamfields_core.rendering.packing import chunk_size, evaluate_packed
 from dreamfields_core.rendering.sampling import Samples, gaussians_at, place_samples
 from dreamfields_core.rendering.skipping import choose_samples
 from dreamfields_core.types import Array, Params, Rays, Rendering
@@ -51,11 +51,11 @@ def render_refined(
     if finer > 1:
         coarse = middles(fine, finer)
         near, _ = choose_samples(None, coarse, origin, occupancy, bound=bound, skip=skip)
-        density, color = _ask(field, prepared, coarse, near, chunk=skip.chunk)
+        density, color = _ask(field, prepared, coarse, near, skip=skip)
         worth = repeated(worth_refining(optical_depths(density, coarse.length), threshold=skip.threshold), finer)
         asked, kept = jnp.sum(near, dtype=jnp.int32), kept & worth
         rough_density, rough_color = jnp.where(worth, 0.0, repeated(density, finer)), repeated(color, finer)
-    density, color = _ask(field, prepared, fine, kept, chunk=skip.chunk)
+    density, color = _ask(field, prepared, fine, kept, skip=skip)
     rendering = composite(
         optical_depths(jnp.where(kept, density, rough_density), fine.length),
         jnp.where(kept[..., None], color, rough_color),
@@ -85,9 +85,9 @@ def middles(fine: Samples, finer: int) -> Samples:
     return replace(fine, shift=(first + 0.5 * length - fine.near[:, None]) / fine.step - number, length=length)
 
 
-def _ask(field: Field, prepared: Params, samples: Samples, mask: Array, *, chunk: int) -> tuple[Array, Array]:
+def _ask(field: Field, prepared: Params, samples: Samples, mask: Array, *, skip: SkipConfig) -> tuple[Array, Array]:
     """Density [R, S] and colour [R, S, 3] where the mask [R, S] is True, zeros elsewhere."""
-    raw, color = evaluate_packed(field.apply, gaussians_at, chunk, prepared, samples, mask.reshape(-1))
+    raw, color = evaluate_packed(field.apply, gaussians_at, chunk_size(skip.chunk), prepared, samples, mask.reshape(-1))
     return jnp.where(mask, field.density(raw).reshape(mask.shape), 0.0), color.reshape(*mask.shape, 3)
 
 

@@ -10,10 +10,11 @@ from dreamfields_core.config import SkipConfig
 from dreamfields_core.fields.contract import Field
 from dreamfields_core.rendering.compositing import composite, optical_depths
 from dreamfields_core.rendering.occupancy import Occupancy
-from dreamfields_core.rendering.packing import evaluate_packed
+from dreamfields_core.rendering.packing import chunk_size, evaluate_packed
 from dreamfields_core.rendering.sampling import gaussians_at, place_samples
 from dreamfields_core.rendering.shares import Share
 from dreamfields_core.rendering.skipping import choose_samples
+from dreamfields_core.rendering.thinning import thin_gradient
 from dreamfields_core.types import Array, Params, Rays, Rendering
 
 
@@ -58,10 +59,12 @@ def render_rays(
     jitter_key, explore_key = (None, None) if key is None else jax.random.split(key)
     placed = place_samples(jitter_key, rays, origin, bound=bound, count=samples, share=share)
     kept, weight = choose_samples(explore_key, placed, origin, occupancy, bound=bound, skip=skip, share=share)
-    raw, colors = evaluate_packed(field.apply, gaussians_at, skip.chunk, prepared, placed, kept.reshape(-1))
-    length = jnp.where(kept, placed.length * weight, 0.0)
-    depths = optical_depths(field.density(raw).reshape(kept.shape), length)
-    rendering = composite(depths, colors.reshape(*kept.shape, 3), placed.distances())
+    raw, colors = evaluate_packed(field.apply, gaussians_at, chunk_size(skip.chunk), prepared, placed, kept.reshape(-1))
+    raw, colors = raw.reshape(kept.shape), colors.reshape(*kept.shape, 3)
+    if key is not None and skip.enabled:
+        raw, colors = thin_gradient(jax.random.fold_in(key, 2), raw, colors, learn=skip.learn, share=share)
+    depths = optical_depths(field.density(raw), jnp.where(kept, placed.length * weight, 0.0))
+    rendering = composite(depths, colors, placed.distances())
     opacity = jax.lax.stop_gradient(-jnp.expm1(-depths))
     return rendering, Tally(
         evaluated=jnp.sum(kept, dtype=jnp.int32),

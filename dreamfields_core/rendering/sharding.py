@@ -77,7 +77,7 @@ def render_rays_over(
 
     def one(key: Array | None, prepared: Params, dealt: Rays, origin: Array, occupancy: Occupancy) -> tuple[Rendering, Tally]:
         own = jax.tree.map(lambda leaf: leaf[:, 0], dealt)
-        share = Share(first=jax.lax.axis_index(AXIS), of=mesh.size)
+        share = Share(first=jax.lax.axis_index(AXIS), of=mesh.size, axis=AXIS)
         rendering, tally = render_rays(key, field, prepared, own, origin, occupancy, samples=samples, bound=bound, skip=skip, share=share)
         return jax.tree.map(lambda leaf: leaf[:, None], rendering), jax.lax.psum(tally, AXIS)
 

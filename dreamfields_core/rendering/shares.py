@@ -15,11 +15,12 @@ from dreamfields_core.types import Array
 class Share:
     """Rays number first, first + of, first + 2 of, ... of a picture.
 
-    first: [] int32. of: how many shares there are.
+    first: [] int32. of: how many shares there are. axis: name of the mesh's axis along which they lie.
     """
 
     first: Array
     of: int = flax.struct.field(pytree_node=False)
+    axis: str = flax.struct.field(pytree_node=False)
 
 
 def uniform(key: Array, shape: tuple[int, ...], share: Share | None) -> Array:
@@ -32,3 +33,8 @@ def uniform(key: Array, shape: tuple[int, ...], share: Share | None) -> Array:
         return jax.random.uniform(key, shape)
     whole = jax.random.uniform(key, (shape[0], share.of, shape[1]))
     return jax.lax.dynamic_index_in_dim(whole, share.first, axis=1, keepdims=False)
+
+
+def total(part: Array, share: Share | None) -> Array:
+    """The sum over all shares of what each has for itself."""
+    return part if share is None else jax.lax.psum(part, share.axis)  # type: ignore[no-any-return]

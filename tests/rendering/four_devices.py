@@ -19,7 +19,8 @@ FIELD, STEPS = "hybrid", 12
 def dream(devices: int) -> dict:
     """A short dream: metrics of each step, and how far each parameter went from where it started."""
     config = config_of(FIELD)
-    render = config.render.model_copy(update={"devices": devices})
+    skip = config.render.skip.model_copy(update={"learn": 0.3})
+    render = config.render.model_copy(update={"devices": devices, "skip": skip})
     program = DreamProgram(config.model_copy(update={"render": render}), ENCODER)
     start = state_to_arrays(program.start())
     state, rows = program.start(), []

@@ -49,7 +49,7 @@ def test_a_ray_has_the_same_numbers_whoever_renders_it() -> None:
     whole = np.asarray(uniform(key, (rays, samples), None))
     np.testing.assert_array_equal(whole, jax.random.uniform(key, (rays, samples)))
     for first in range(of):
-        own = uniform(key, (rays // of, samples), Share(first=jax.numpy.int32(first), of=of))
+        own = uniform(key, (rays // of, samples), Share(first=jax.numpy.int32(first), of=of, axis="rays"))
         np.testing.assert_array_equal(own, whole[first::of])
 
 
