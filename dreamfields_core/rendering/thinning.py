@@ -31,7 +31,7 @@ def thin_gradient(key: Array, raw: Array, color: Array, *, learn: float, share: 
     """
     if learn >= 1:
         return raw, color
-    return _thinned(learn, key, share, raw, color)
+    return _thinned(key, learn, share, raw, color)
 
 
 def probabilities(sizes: Array, *, learn: float, share: Share | None = None) -> Array:
@@ -46,12 +46,12 @@ def probabilities(sizes: Array, *, learn: float, share: Share | None = None) -> 
     return jnp.where(finite, jnp.minimum(drawn, 1.0), 1.0)
 
 
-@partial(jax.custom_vjp, nondiff_argnums=(0,))
-def _thinned(learn: float, key: Array, share: Share | None, raw: Array, color: Array) -> tuple[Array, Array]:
+@partial(jax.custom_vjp, nondiff_argnums=(1,))
+def _thinned(key: Array, learn: float, share: Share | None, raw: Array, color: Array) -> tuple[Array, Array]:
     return raw, color
 
 
-def _forward(learn: float, key: Array, share: Share | None, raw: Array, color: Array) -> tuple[tuple[Array, Array], Any]:
+def _forward(key: Array, learn: float, share: Share | None, raw: Array, color: Array) -> tuple[tuple[Array, Array], Any]:
     return (raw, color), (key, share)
 
 
