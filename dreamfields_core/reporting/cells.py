@@ -83,7 +83,10 @@ def result_table(report: Report, judge: str) -> ResultTable:
         ours = precision(group, judge, pools[0], "field") if pools else None
         paper = _stated(first.mean, first.error) if first else None
         lines.append(Line(row.name, len(group) - failures, failures, tuple(cells), row.reference, ours, paper))
-    return ResultTable(judge, tuple(columns), tuple(_with_best(lines, columns)))
+    # A sweep that only scored has no meshes to speak of.
+    shown = [place for place, column in enumerate(columns) if column.name != "Mesh" or any(line.cells[place] for line in lines)]
+    lines = [replace(line, cells=tuple(line.cells[place] for place in shown)) for line in _with_best(lines, columns)]
+    return ResultTable(judge, tuple(columns[place] for place in shown), tuple(lines))
 
 
 def plain_rows(table: ResultTable) -> list[dict[str, str]]:

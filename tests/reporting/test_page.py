@@ -138,6 +138,17 @@ def test_one_object_has_no_standard_error() -> None:
     assert row["among 153 captions: Field"] == "100.0"
 
 
+def test_without_meshes_there_is_no_column_for_them() -> None:
+    full = entry("ours", "a", 0, 1)
+    assert full.result is not None
+    scores = {JUDGE: {name: said for name, said in full.result["scores"][JUDGE].items() if name != "mesh"}}
+    scored = Report("", (replace(full, result={**full.result, "scores": scores}),), judges=(JUDGE,))
+    with_mesh, without = (result_table(one, JUDGE) for one in (Report("", (full,), judges=(JUDGE,)), scored))
+    kept = [(column, cell) for column, cell in zip(with_mesh.columns, with_mesh.lines[0].cells) if column.name != "Mesh"]
+    assert list(zip(without.columns, without.lines[0].cells)) == kept and len(with_mesh.columns) == len(kept) + 2
+    assert "Mesh" not in [column.name for column in without.columns] and "Cosine" in render_report(scored)
+
+
 def test_cards_carry_what_the_filter_asks_for() -> None:
     cards = [attributes for tag, attributes in Reader(render_report(report())).tags if tag == "li"]
     assert [card["data-state"] for card in cards] == ["wrong", "right", "failed", "right", "right"]
