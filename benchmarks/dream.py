@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks import scenes
 from benchmarks.drawing import sheet
 from benchmarks.timing import Times
-from dreamfields_core.config import DreamConfig, ResidualMLPConfig, override
+from dreamfields_core.config import DreamConfig, ResidualMLPConfig, SkipConfig, override
 from dreamfields_core.dreaming.program import DreamProgram
 from dreamfields_core.dreaming.state import DreamState
 from dreamfields_core.judging.retrieval import mean_with_error
@@ -111,9 +111,15 @@ def ways(options: Options) -> dict[str, DreamConfig]:
     draft = override(preset("draft"), options.settings)
     hybrid = draft.model_copy(update={"optim": draft.optim.model_copy(update={"steps": options.hybrid_steps or options.steps})})
     optim = draft.optim.model_copy(update={"steps": options.steps, "rate_start": options.rate, "rate": options.rate, "rate_end": None})
-    skipping = draft.model_copy(update={"field": ResidualMLPConfig(), "optim": optim})
-    skip = draft.render.skip.model_copy(update={"enabled": False})
-    dense = skipping.model_copy(update={"render": draft.render.model_copy(update={"skip": skip})})
+    # The savings of the presets of the paper's network; when they begin and how often they look, of the draft.
+    savings = preset("low").render.skip.model_dump() | draft.render.skip.model_dump(include={"warmup_steps", "refresh_every"})
+    skips = {"skipping": SkipConfig.model_validate(savings), "dense": SkipConfig(enabled=False)}
+    skipping, dense = (
+        draft.model_copy(
+            update={"field": ResidualMLPConfig(), "optim": optim, "render": draft.render.model_copy(update={"skip": skips[name]})}
+        )
+        for name in ("skipping", "dense")
+    )
     return {"skipping": skipping, "dense": dense, "hybrid": hybrid}
 
 

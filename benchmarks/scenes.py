@@ -21,7 +21,7 @@ from dreamfields_core.dreaming.program import DreamProgram
 from dreamfields_core.dreaming.state import DreamState, state_to_arrays
 from dreamfields_core.fields.contract import Field
 from dreamfields_core.presets import preset
-from dreamfields_core.rendering.occupancy import refresh
+from dreamfields_core.rendering.occupancy import Occupancy, refresh, unknown_occupancy
 from dreamfields_core.rendering.sampling import step_length
 from dreamfields_core.types import Array, Encoder, Gaussians, Params
 from storage.digests import json_digest
@@ -74,16 +74,24 @@ def settled(
         program = DreamProgram(config, encoder)
         start = program.start()
         params = fit(jax.random.key(1), program.field, start.params, target, steps=fit_steps)
-        ask = jax.jit(partial(refresh, field=program.field, bound=config.scene.bound, decay=config.render.skip.decay))
-        occupancy = start.occupancy
-        for number in range(16):
-            occupancy = ask(jax.random.key(number), occupancy, prepared=params, origin=start.origin)
         # As at the end of a dream: every schedule has run its course.
-        begun = start.replace(params=params, occupancy=occupancy, step=jnp.int32(10 * config.loss.anneal_steps))
+        begun = start.replace(params=params, step=jnp.int32(10 * config.loss.anneal_steps))
+        begun = begun.replace(occupancy=remembered(program, begun))
         state, _ = dream_on(program, begun, text_embedding(encoder, caption), steps=dream_steps)
         return pack_field(state_to_arrays(state), config)
 
     return unpack_field(_kept(_name(caption, config, encoder, _said(source), fit_steps, dream_steps), make))
+
+
+def remembered(program: DreamProgram, state: DreamState, *, refreshes: int = 16) -> Occupancy:
+    """What the program's occupancy grid knows of a scene that has stood still for so many refreshes."""
+    config = program.config
+    ask = jax.jit(partial(refresh, field=program.field, bound=config.scene.bound, decay=config.render.skip.decay))
+    prepared = jax.jit(program.field.prepare)(state.params)
+    occupancy = unknown_occupancy(config.render.skip.resolution)
+    for number in range(refreshes):
+        occupancy = ask(jax.random.key(number), occupancy, prepared=prepared, origin=state.origin)
+    return occupancy
 
 
 def dream_on(program: DreamProgram, state: DreamState, text: Array, *, steps: int) -> tuple[DreamState, list[dict[str, Array]]]:
