@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -13,15 +12,17 @@ import numpy as np
 from dreamfields_core.config import EvaluateConfig
 from dreamfields_core.fields.contract import points_as_gaussians
 from dreamfields_core.meshing import Asset, Look, Seen, extract_mesh, fidelity, from_glb, to_glb
-from dreamfields_core.scene.cameras import camera_rays, poses_at
+from dreamfields_core.scene.cameras import Pose, camera_rays, poses_at
 from tasks.film import keep_films, mesh_turntable
 from tasks.finished_field import FinishedField, unpack_field, view_by
 from tasks.provenance import provenance
 from tasks.step import Made, Work
 
 AZIMUTHS = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0)
-ELEVATION = 30.0
-SIZE = 96
+RINGS = {-15.0: 0.0, 20.0: 20.0, 65.0: 40.0}
+"""Elevation -> how far the azimuths are turned, degrees: from all around, from below too, and none of the views that are scored."""
+
+SIZE = 64
 """Of the views whose silhouettes choose the level; pixels."""
 
 HELD_OUT_SIZE = 160
@@ -34,7 +35,8 @@ def mesh(work: Work) -> Made:
     asset = _extract(work, dream)
     origin = provenance(work)
     files = {file_name(k): to_glb(made, origin) for k, made in enumerate((asset.mesh, *asset.details))}
-    seen = _seen(dream, look, look.azimuths, look.elevation, HELD_OUT_SIZE)
+    held_out = poses_at(look.azimuths, look.elevation, radius=look.radius, focal=look.focal)
+    seen = _seen(dream, look, held_out, HELD_OUT_SIZE)
     # What is judged is what the files hold.
     faithful = [asdict(fidelity(from_glb(data), seen)) for data in files.values()]
     film = keep_films(work, "mesh_turntable", mesh_turntable(from_glb(files["mesh.glb"]), dream.origin, look))
@@ -69,7 +71,7 @@ def _extract(work: Work, dream: FinishedField) -> Asset:
         lambda points: np.asarray(raw(jnp.asarray(points, jnp.float32))),
         lambda points: np.asarray(color(jnp.asarray(points, jnp.float32))),
         level=None if wanted.level is None else dream.field.raw(wanted.level),
-        views=_seen(dream, work.config.evaluate, AZIMUTHS, ELEVATION, SIZE) if wanted.level is None else None,
+        views=_seen(dream, work.config.evaluate, _all_around(work.config.evaluate), SIZE) if wanted.level is None else None,
         origin=np.asarray(dream.origin),
         bound=dream.config.scene.bound,
         resolution=wanted.resolution,
@@ -83,12 +85,20 @@ def _extract(work: Work, dream: FinishedField) -> Asset:
             samples=wanted.color_samples,
             density=lambda values: np.asarray(dream.field.density(jnp.asarray(values))),
         ),
+        progress=lambda points: work.place.report({"event": "asked", "points": points}),
     )
 
 
-def _seen(dream: FinishedField, look: EvaluateConfig, azimuths: Sequence[float], elevation: float, size: int) -> Seen:
+def _all_around(look: EvaluateConfig) -> Pose:
+    rings = [
+        poses_at([azimuth + turn for azimuth in AZIMUTHS], elevation, radius=look.radius, focal=look.focal)
+        for elevation, turn in RINGS.items()
+    ]
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *rings)  # type: ignore[no-any-return]
+
+
+def _seen(dream: FinishedField, look: EvaluateConfig, poses: Pose, size: int) -> Seen:
     """What the renderer sees from there."""
-    poses = poses_at(azimuths, elevation, radius=look.radius, focal=look.focal)
     views = view_by(dream, samples=look.samples)(poses, size)
     rays = jax.device_get(camera_rays(poses, dream.origin, size=size))
     opacity = 1.0 - np.asarray(views.transmittance)

@@ -49,7 +49,7 @@ RENDER = Step(
 
 MESH = Step(
     "mesh",
-    3,
+    4,
     # What decided the field decides the mesh too, and its file says so.
     (*OPTIMIZE.reads, "mesh", *RENDER.reads),
     Later("tasks.mesh:mesh"),

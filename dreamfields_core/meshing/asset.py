@@ -12,7 +12,9 @@ from dreamfields_core.meshing.color import FieldColors
 from dreamfields_core.meshing.errors import MeshError
 from dreamfields_core.meshing.isosurface import coarse_values, extract
 from dreamfields_core.meshing.lattice import Field, Lattice, Packed, Progress, Samples
-from dreamfields_core.meshing.level import Level, Views, level_of
+from dreamfields_core.meshing.level import Level, Views
+from dreamfields_core.meshing.levels import levels_of
+from dreamfields_core.meshing.pieces import drop_unseen
 from dreamfields_core.meshing.report import MeshReport, report
 from dreamfields_core.meshing.simplify import Simplified, check_budgets, simplify_levels
 from dreamfields_core.meshing.surface import Density, Surface, SurfaceColors, just_below, through, with_normals
@@ -41,7 +43,8 @@ class Look:
 @dataclass(frozen=True)
 class Asset:
     """mesh: clean, simplified, coloured, with the field's normals. details: the same with fewer faces each.
-    report, detail_reports: of these. extracted: of the mesh before simplification. level: raw value of the surface.
+    report, detail_reports: of these. extracted: of the mesh before simplification. level: raw value of the surface; where views decided it,
+    the best single one, about which the levels of different places lie.
     agreement: mean intersection over union with the views, None where the level was given. asked: points that the field was asked for.
     """
 
@@ -94,10 +97,12 @@ def extract_mesh(
     ask = Packed(field, batch=batch, progress=progress)
     samples = Samples(lattice, ask)
     coarse = coarse_values(samples)
-    chosen = Level(level, float("nan")) if level is not None else level_of(views, coarse, lattice)  # type: ignore[arg-type]
-    extracted = extract(samples, coarse, chosen.value)
-    simple = simplify_levels(extracted, budgets, error=error, smooth=smooth, loose_share=loose_share, timeout=timeout)
-    surface = Surface(ask, chosen.value, lattice.cell, _colors(ask, field_colors, look, lattice, batch))
+    chosen, above = _chosen(level, views, coarse, lattice)
+    samples = samples.above(above)
+    extracted = extract(samples, coarse_values(samples), 0.0)
+    shown = extracted if views is None else drop_unseen(extracted, views)
+    simple = simplify_levels(shown, budgets, error=error, smooth=smooth, loose_share=loose_share, timeout=timeout)
+    surface = Surface(samples.ask, 0.0, lattice.cell, _colors(ask, field_colors, look, lattice, batch))
     mesh, *lighter = (_dressed(simplified, surface, look, halvings=k, timeout=timeout) for k, simplified in enumerate(simple))
     counts, *lighter_counts = (report(simplified.mesh, crossing=simplified.crossing) for simplified in simple)
     return Asset(
@@ -106,10 +111,18 @@ def extract_mesh(
         extracted=report(extracted),
         level=chosen.value,
         agreement=None if level is not None else chosen.agreement,
-        asked=ask.asked,
+        asked=samples.ask.asked,
         details=tuple(lighter),
         detail_reports=tuple(lighter_counts),
     )
+
+
+def _chosen(level: float | None, views: Views | None, coarse: np.ndarray, lattice: Lattice) -> tuple[Level, Field]:
+    """The level, and the same for every place: points [N, 3] -> [N]."""
+    if level is not None:
+        return Level(level, float("nan")), lambda points: np.full(len(points), level, np.float32)
+    assert views is not None
+    return levels_of(views, coarse, lattice)
 
 
 def check_look(look: Look) -> None:

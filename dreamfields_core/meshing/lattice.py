@@ -101,6 +101,14 @@ class Packed:
         answers = [self._one(points[start : start + self.batch]) for start in range(0, len(points), self.batch)]
         return np.concatenate(answers) if answers else np.empty(0, np.float32)
 
+    def above(self, levels: Field) -> Packed:
+        """The field minus a level for every place, points [N, 3] -> [N]; it goes on counting."""
+        lowered = Packed(
+            lambda points: np.asarray(self.field(points), np.float32) - levels(points), batch=self.batch, progress=self.progress
+        )
+        lowered.asked = self.asked
+        return lowered
+
     def _one(self, points: np.ndarray) -> np.ndarray:
         points = np.ascontiguousarray(points, np.float32)
         padded = np.concatenate([points, np.broadcast_to(points[-1], (self.batch - len(points), 3))])
@@ -135,6 +143,13 @@ class Samples:
         self._learn(np.setdiff1d(distinct(keys[~beyond]), self._keys, assume_unique=True))
         place = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
         return np.where(beyond, np.float32(OUTSIDE), self._values[place])
+
+    def above(self, levels: Field) -> Samples:
+        """The same of the field minus a level for every place, points [N, 3] -> [N]; what is known is not asked again."""
+        lowered = Samples(self.lattice, self.ask.above(levels))
+        lowered._keys = self._keys
+        lowered._values = self._values - levels(self.lattice.place(self.lattice.corners(self._keys)))
+        return lowered
 
     def _learn(self, keys: np.ndarray) -> None:
         if len(keys):

@@ -40,17 +40,6 @@ class Level:
     agreement: float
 
 
-def level_of(views: Views, coarse: np.ndarray, lattice: Lattice) -> Level:
-    """The best level for a field whose values [n+1, n+1, n+1] on the coarse lattice are known.
-
-    Raises:
-      SilhouetteEmpty: no view is opaque anywhere.
-    """
-    count = len(views.opacity)
-    seen = [peaks(coarse, lattice, views.origins[v], views.directions[v]).ravel() for v in range(count)]
-    return choose_level(np.stack(seen), np.asarray(views.opacity).reshape(count, -1) > 0.5)
-
-
 def choose_level(peaks: np.ndarray, opaque: np.ndarray) -> Level:
     """The level that maximises the mean over views of |peak > level AND opaque| / |peak > level OR opaque|.
 
@@ -84,18 +73,23 @@ def agreement(peaks: np.ndarray, opaque: np.ndarray, levels: np.ndarray) -> np.n
     return np.asarray(both / (len(hits) + above - both))
 
 
-def peaks(coarse: np.ndarray, lattice: Lattice, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """The largest value [...] along each ray [..., 3] in the cube, trilinear between coarse corners; -inf where the cube is missed."""
-    origins, directions = (np.asarray(rays, np.float64).reshape(-1, 3) for rays in (origins, directions))
+def highest(coarse: np.ndarray, lattice: Lattice, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The largest value [N] along each ray [..., 3] in the cube, trilinear between coarse corners, and where it is [N, 3];
+    -inf where the cube is missed.
+    """
+    origins, directions = (np.asarray(rays, np.float64).reshape(-1, 3) for rays in np.broadcast_arrays(origins, directions))
     near, far = chord(origins - np.asarray(lattice.origin), directions, lattice.bound)
-    n = lattice.coarse
-    best = np.full(len(origins), -np.inf)
-    hit = far > near
-    for share in np.linspace(0, 1, 2 * n + 1):  # at most 0.87 of a coarse cell apart
-        points = origins[hit] + (near + share * (far - near))[hit, None] * directions[hit]
-        index = ((points - np.asarray(lattice.origin)) / lattice.bound + 1) * (n / 2)
-        best[hit] = np.maximum(best[hit], map_coordinates(coarse, index.T, order=1, mode="nearest"))
-    return best
+    n, hit = lattice.coarse, far > near
+    starts, steps = (origins + near[:, None] * directions)[hit], ((far - near)[:, None] * directions)[hit]
+    best, share = np.full(len(starts), -np.inf), np.zeros(len(starts))
+    for k in np.linspace(0, 1, 2 * n + 1):  # at most 0.87 of a coarse cell apart
+        index = ((starts + k * steps - np.asarray(lattice.origin)) / lattice.bound + 1) * (n / 2)
+        values = map_coordinates(coarse, index.T, order=1, mode="nearest")
+        share = np.where(values > best, k, share)
+        best = np.maximum(best, values)
+    peaks, places = np.full(len(origins), -np.inf), origins.copy()
+    peaks[hit], places[hit] = best, starts + share[:, None] * steps
+    return peaks, places
 
 
 def chord(origins: np.ndarray, directions: np.ndarray, bound: float) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from dreamfields_core.meshing.level import Views
+from dreamfields_core.meshing.raycast import cast
 from dreamfields_core.types import Mesh
 
 
@@ -26,6 +28,21 @@ def drop_loose(mesh: Mesh, share: float) -> Mesh:
     area = np.bincount(piece, weights=areas(mesh))
     good = (area >= share * area.max()) & (np.bincount(piece, weights=tetrahedra(mesh)) >= 0)
     good[np.argmax(area)] = True
+    return compact(mesh, good[piece])
+
+
+def drop_unseen(mesh: Mesh, views: Views) -> Mesh:
+    """Without the pieces that the field does not show: of the rays that meet one first, most must have been opaque to the renderer.
+
+    What is left of haze is met by clear rays; what is hidden, or smaller than the pixels, by none. The piece that most opaque rays
+    meet stays.
+    """
+    piece = pieces(mesh)
+    hits = cast(mesh, views.origins, views.directions)
+    met, opaque = piece[hits.face[hits.hit]], np.asarray(views.opacity)[hits.hit] > 0.5
+    solid, clear = (np.bincount(met[mask], minlength=piece.max() + 1) for mask in (opaque, ~opaque))
+    good = solid > clear
+    good[np.argmax(solid)] = True
     return compact(mesh, good[piece])
 
 

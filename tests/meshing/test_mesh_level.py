@@ -8,7 +8,8 @@ import pytest
 from dreamfields_core.meshing import SilhouetteEmpty, Views, choose_level, isosurface, silhouette
 from dreamfields_core.meshing.isosurface import coarse_values
 from dreamfields_core.meshing.lattice import Lattice, Packed, Samples
-from dreamfields_core.meshing.level import agreement, chord, level_of, peaks
+from dreamfields_core.meshing.level import agreement, chord, highest
+from dreamfields_core.meshing.levels import levels_of
 from tests.meshing.shapes import cameras, sphere, torus
 
 LATTICE = Lattice((0.0, 0.0, 0.0), 1.0, 64)
@@ -27,7 +28,7 @@ def coarse(field) -> np.ndarray:  # type: ignore[no-untyped-def]
 def test_a_known_level_is_found_again(level: float) -> None:
     origins, directions = cameras(4, 64)
     opacity = silhouette(isosurface(blob, level, resolution=64), origins, directions).astype(float)
-    found = level_of(Views(origins, directions, opacity), coarse(blob), LATTICE)
+    found, _ = levels_of(Views(origins, directions, opacity), coarse(blob), LATTICE)
     # A pixel is 0.04 wide, the blob's radius is sqrt((3 - level) / 8): that blurs the level by about 0.1.
     assert found.value == pytest.approx(level, abs=0.15)
     assert found.agreement > 0.97
@@ -35,7 +36,7 @@ def test_a_known_level_is_found_again(level: float) -> None:
 
 def test_peaks_tell_the_silhouette_of_the_mesh() -> None:
     origins, directions = cameras(3, 96)
-    told = peaks(coarse(torus), LATTICE, origins, directions) > 0
+    told = highest(coarse(torus), LATTICE, origins, directions)[0] > 0
     seen = silhouette(isosurface(torus, 0.0, resolution=64), origins, directions).ravel()
     assert (told & seen).sum() / (told | seen).sum() > 0.98
 
@@ -46,7 +47,7 @@ def test_the_soft_render_of_a_gaussian_is_matched() -> None:
     along = -(origins * directions).sum(axis=-1)
     nearest = np.square(origins + along[..., None] * directions).sum(axis=-1)
     depth = np.exp(3 - 8 * nearest) * np.sqrt(np.pi / 8)
-    found = level_of(Views(origins, directions, -np.expm1(-depth)), coarse(blob), LATTICE)
+    found, _ = levels_of(Views(origins, directions, -np.expm1(-depth)), coarse(blob), LATTICE)
     assert found.value == pytest.approx(np.log(np.log(2) / np.sqrt(np.pi / 8)), abs=0.15)
 
 
@@ -80,6 +81,7 @@ def test_rays_along_axes_through_corners_and_past_the_cube() -> None:
     np.testing.assert_allclose(near[[0, 2, 4]], [3, 3, 0])
     np.testing.assert_allclose(far[[0, 2, 4]], [5, 5, 1])
     assert np.isfinite([near[1], far[1]]).all() and (far <= near)[[3, 5]].all()
-    told = peaks(coarse(sphere), LATTICE, origins, directions)
+    told, places = highest(coarse(sphere), LATTICE, origins, directions)
     np.testing.assert_allclose(told[[0, 4]], 0.6, atol=0.02)
     assert np.isneginf(told[[3, 5]]).all()
+    np.testing.assert_allclose(places[[0, 4]], 0, atol=0.02)
