@@ -12,6 +12,8 @@ from tasks.step import Event
 
 LINES = 10
 """Printed in all for the optimisation, where nothing can be redrawn."""
+SECONDS = 10.0
+"""Between two lines about the mesh there."""
 
 
 class Display:
@@ -21,7 +23,7 @@ class Display:
         self.steps, self.step = steps, 0
         self._console = console
         self._progress = Progress(
-            TextColumn("optimize"),
+            TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
             TextColumn("{task.fields[numbers]}"),
@@ -29,6 +31,8 @@ class Display:
             disable=not console.is_terminal,
         )
         self._bar: TaskID | None = None
+        self._asking: TaskID | None = None
+        self._due = time.monotonic() + SECONDS
         self._first: tuple[int, float] | None = None
 
     def __enter__(self) -> Display:
@@ -67,7 +71,20 @@ class Display:
         minutes, seconds = divmod(round(spent / taken * (self.steps - self.step)), 60)
         return f"{minutes}:{seconds:02d} left"
 
+    def _on_asked(self, event: Event) -> None:
+        """How many are left nobody knows before the surface is found, so the bar only moves."""
+        points = event["points"]
+        if self._asking is None:
+            self._asking = self._progress.add_task("mesh", total=None, numbers="points asked")
+        self._progress.update(self._asking, completed=points)
+        if not self._console.is_terminal and time.monotonic() >= self._due:
+            self._due = time.monotonic() + SECONDS
+            self._say(f"mesh: {points:,} points asked")
+
     def _on_end(self, event: Event) -> None:
+        if event["name"] == "mesh" and self._asking is not None:
+            self._progress.remove_task(self._asking)
+            self._asking = None
         self._say(f"{event['name']}: " + ("was done already" if event["cached"] else f"{event['seconds']:.1f} s"))
 
     def _on_note(self, event: Event) -> None:

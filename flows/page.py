@@ -44,6 +44,8 @@ class Progress:
             self._on_step(event)
         elif event["event"] == "preview":
             self._on_preview(event)
+        elif event["event"] == "asked":
+            self._on_asked(event)
         elif event["event"] in ("note", "resumed", "rolled_back", "stopped", "saved"):
             facts = ", ".join(f"{name} {value}" for name, value in event.items() if name != "event")
             get_run_logger().info("%s: %s", event["event"], facts)
@@ -61,6 +63,13 @@ class Progress:
         get_run_logger().info(
             "step %d of %d: loss %.3f, transmittance %.2f", event["step"], self._steps, event["loss"], event["transmittance"]
         )
+
+    def _on_asked(self, event: Event) -> None:
+        """How many points are left nobody knows before the surface is found: a number, no share."""
+        now = time.monotonic()
+        if now >= self._due:
+            self._due = now + SECONDS
+            get_run_logger().info("mesh: %d points asked", event["points"])
 
     def _on_preview(self, event: Event) -> None:
         now = time.monotonic()
