@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from flows.order import OrderError
 from storage.artifacts import ArtifactRef, get_artifact
@@ -27,20 +27,28 @@ def copied(outputs: Iterable[ArtifactRef], formats: Sequence[str]) -> list[Artif
     return [ref for ref in outputs if "glb" in formats and MESHES.fullmatch(ref.name)]
 
 
-def converted(mesh: bytes, formats: Sequence[str]) -> dict[str, bytes]:
-    """The other formats, made of mesh.glb, which holds all that they hold; name -> bytes. Raises: BadMesh."""
+def lighter(outputs: Iterable[ArtifactRef]) -> list[ArtifactRef]:
+    """The levels of detail beside mesh.glb."""
+    return [ref for ref in outputs if MESHES.fullmatch(ref.name) and ref.name != "mesh.glb"]
+
+
+def converted(meshes: Mapping[str, bytes], formats: Sequence[str]) -> dict[str, bytes]:
+    """The other formats, made of mesh.glb and its lighter ones, which hold all that they hold; name -> bytes. Raises: BadMesh."""
     others = [name for name in formats if name != "glb"]
     if not others:
         return {}
     from dreamfields_core.meshing import FORMATS as WRITERS
     from dreamfields_core.meshing import from_glb, provenance_of
 
-    geometry, provenance = from_glb(mesh), provenance_of(mesh)
-    return {name: data for format in others for name, data in WRITERS[format](geometry, provenance).items()}
+    files: dict[str, bytes] = {}
+    for file, data in meshes.items():
+        geometry, provenance = from_glb(data), provenance_of(data)
+        for format in others:
+            files |= WRITERS[format](geometry, provenance, name=file.removesuffix(".glb"))
+    return files
 
 
 def files_of(outputs: Sequence[ArtifactRef], store: Store, formats: Sequence[str]) -> dict[str, bytes]:
     """Every file of a mesh step's outputs in these formats. Raises: MissingArtifact, DamagedArtifact, BadMesh."""
-    files = {ref.name: get_artifact(store, ref) for ref in copied(outputs, formats)}
-    mesh = next(ref for ref in outputs if ref.name == "mesh.glb")
-    return files | converted(files.get("mesh.glb") or get_artifact(store, mesh), formats)
+    meshes = {ref.name: get_artifact(store, ref) for ref in outputs if MESHES.fullmatch(ref.name)}
+    return (meshes if "glb" in formats else {}) | converted(meshes, formats)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flows.exports import converted, copied
+from flows.exports import converted, copied, lighter
 from flows.slugs import slug
 from storage.artifacts import ArtifactRef, get_artifact
 from storage.contract import Store
@@ -30,19 +30,21 @@ SAFE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 
 @dataclass(frozen=True)
 class Wanted:
-    """What an object's folder shall hold. copies: artifacts as they are. exports: formats made of mesh.glb."""
+    """What an object's folder shall hold. copies: artifacts as they are. exports: formats made of mesh.glb and of the lighter ones."""
 
     name: str
     facts: dict[str, Any]
     copies: tuple[ArtifactRef, ...]
     exports: tuple[str, ...]
     mesh: ArtifactRef
+    lighter: tuple[ArtifactRef, ...] = ()
 
     @property
     def made_of(self) -> str:
         """A digest over all that decides the files."""
         copies = {ref.name: ref.sha256 for ref in self.copies}
-        return json_digest({"copies": copies, "exports": dict.fromkeys(self.exports, EXPORT), "mesh": self.mesh.sha256})
+        sources = {"mesh": self.mesh.sha256} | {ref.name: ref.sha256 for ref in self.lighter if self.exports}
+        return json_digest({"copies": copies, "exports": dict.fromkeys(self.exports, EXPORT), **sources})
 
 
 def wanted(record: StepRecord, store: Store, *, formats: Sequence[str], also: Sequence[str]) -> Wanted:
@@ -62,6 +64,7 @@ def wanted(record: StepRecord, store: Store, *, formats: Sequence[str], also: Se
         tuple(sorted(copies, key=lambda ref: ref.name)),
         tuple(sorted(set(formats) - {"glb"})),
         outputs["mesh.glb"],
+        tuple(lighter(record.outputs)),
     )
 
 
@@ -137,9 +140,9 @@ def _fetch(want: Wanted, store: Store) -> tuple[dict[str, bytes], int]:
     files = {ref.name: get_artifact(store, ref) for ref in want.copies}
     if not want.exports:
         return files, sum(map(len, files.values()))
-    mesh = files.get("mesh.glb") or get_artifact(store, want.mesh)
-    moved = sum(map(len, files.values())) + (0 if "mesh.glb" in files else len(mesh))
-    return files | converted(mesh, want.exports), moved
+    sources = {ref.name: files.get(ref.name) or get_artifact(store, ref) for ref in (want.mesh, *want.lighter)}
+    moved = {**files, **sources}
+    return files | converted(sources, want.exports), sum(map(len, moved.values()))
 
 
 def _publish(aside: Path, folder: Path, names: Sequence[str]) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from uuid import UUID
 
 import pytest
@@ -17,6 +19,7 @@ from prefect.states import Cancelling
 from storage.checkpoints import Checkpoint, latest_checkpoint
 from storage.store import open_store
 from tests.flows.conftest import CAPTION
+from tests.flows.records import glb, keep_dream
 from tests.flows.site import Site, wait_for
 from tests.tasks.processes import gone
 from tests.tasks.tiny import SETTINGS
@@ -54,15 +57,17 @@ def checkpoint(out: Path) -> Checkpoint | None:
     return latest_checkpoint(store, store.list("runs")[0].split("/")[1])
 
 
+def artifacts(site: Site, run: UUID) -> list[dict[str, Any]]:
+    """What the page of a flow run shows."""
+    wanted = ArtifactFilter(flow_run_id=ArtifactFilterFlowRunId(any_=[run])).model_dump(mode="json")
+    return list(site.client.request("POST", "/artifacts/filter", json={"artifacts": wanted}).json())
+
+
 def test_a_run_completes_and_its_page_shows_it(site: Site, tmp_path: Path) -> None:
     run = dream_at(site, tmp_path)
     wait_for(lambda: site.state(run) in ("Completed", "Failed", "Crashed"))
     assert site.state(run) == "Completed"
-    shown = site.client.request(
-        "POST",
-        "/artifacts/filter",
-        json={"artifacts": ArtifactFilter(flow_run_id=ArtifactFilterFlowRunId(any_=[run])).model_dump(mode="json")},
-    ).json()
+    shown = artifacts(site, run)
     kinds = {artifact["key"]: artifact["type"] for artifact in shown}
     assert kinds["dream-progress"] == "progress" and kinds["dream-views"] == "image" and kinds["dream-score"] == "table"
     assert next(artifact["data"] for artifact in shown if artifact["key"] == "dream-progress") == 100.0
@@ -74,6 +79,23 @@ def test_a_bad_caption_is_refused_before_a_run(site: Site) -> None:
     asked = site.prefect("deployment", "run", "dream/dream", "--param", "caption=")
     assert asked.returncode != 0
     assert len(site.runs("dream")) == before
+
+
+def test_a_pull_brings_what_is_stored_and_its_page_lists_it(site: Site, tmp_path: Path) -> None:
+    kept = keep_dream(open_store(tmp_path / "store"), mesh=glb())
+    run = site.run("pull/pull", store=str(tmp_path / "store"), to=str(tmp_path / "assets"), formats=["glb", "usdz"], min_score=0.2)
+    wait_for(lambda: site.state(run) in ("Completed", "Failed", "Crashed"))
+    assert site.state(run) == "Completed"
+    (about,) = json.loads((tmp_path / "assets" / "manifest.json").read_text())["objects"].values()
+    assert about["record"] == kept.key and set(about["files"]) == {"mesh.glb", "mesh.usdz"}
+    assert [artifact["key"] for artifact in artifacts(site, run)] == ["pull-changes"]
+
+
+@pytest.mark.parametrize("wrong", ['formats=["fbx"]', "min_score=2", "seed=-1", 'also=["../escaped"]', "since=yesterday", "to="])
+def test_a_bad_pull_is_refused_before_a_run(site: Site, tmp_path: Path, wrong: str) -> None:
+    before = len(site.runs("pull"))
+    asked = site.prefect("deployment", "run", "pull/pull", "--param", f"store={tmp_path}", "--param", wrong)
+    assert asked.returncode != 0 and len(site.runs("pull")) == before
 
 
 def test_a_cancel_saves_the_step_it_stops_at(site: Site, tmp_path: Path) -> None:

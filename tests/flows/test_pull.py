@@ -231,13 +231,14 @@ def test_a_narrower_pull_leaves_what_a_wider_one_brought(store: Store, to: Path)
 
 
 def test_formats_and_further_files(store: Store, to: Path) -> None:
-    more = {"turntable.mp4": b"film", "mesh_lod1.glb": b"light", "field.safetensors": b"field", "../../escaped.txt": b"!"}
+    more = {"turntable.mp4": b"film", "mesh_lod1.glb": glb(), "field.safetensors": b"field", "../../escaped.txt": b"!"}
     keep_dream(store, mesh=glb(), files=more)
     (name,) = pull(store, to).added
     assert {path.name for path in (to / name).iterdir()} == {"mesh.glb", "mesh_lod1.glb", ABOUT}
     pull(store, to, formats=["usdz", "obj"], also=["turntable.mp4"])
-    names = {"mesh.usdz", "mesh.obj", "mesh.mtl", "mesh.png", "mesh_normal.png", "mesh.json", "turntable.mp4"}
-    assert names == set(objects(to)[name]["files"])
+    made = {f"{mesh}{end}" for mesh in ("mesh", "mesh_lod1") for end in (".usdz", ".obj", ".mtl", ".png", "_normal.png", ".json")}
+    assert made | {"turntable.mp4"} == set(objects(to)[name]["files"])
+    assert b"mtllib mesh_lod1.mtl" in (to / name / "mesh_lod1.obj").read_bytes()
     assert pull(store, to, formats=["obj", "usdz"], also=["turntable.mp4"]).moved == 0
     assert pull(store, to / "other", also=["../../escaped.txt"]).refused
     with pytest.raises(OrderError, match="a format among glb, obj, ply, stl, usdz"):
@@ -332,11 +333,13 @@ def test_a_folder_may_collect_from_several_stores(store: Store, to: Path, tmp_pa
 def test_the_flow_is_the_same_pull(store: Store, to: Path) -> None:
     from prefect.testing.utilities import prefect_test_harness
 
-    from flows.pull_flow import pull_assets
+    from flows.pull_flow import PullIncomplete, pull_assets
 
-    good, bad = keep_dream(store, "a good one"), keep_dream(store, "a bad one")
+    good, bad = keep_dream(store, "a good one"), keep_dream(store, "a bad one", seed=1)
     store.delete(bad.output("mesh.glb").key)
     with prefect_test_harness(server_startup_timeout=120):
         result = pull_assets(store.url, str(to), seed=0)
+        with pytest.raises(PullIncomplete, match="every object to be whole, but 1 are not: a-bad-one-"):
+            pull_assets(store.url, str(to))
     assert [about["record"] for about in objects(to).values()] == [good.key]
-    assert result["added"] == list(objects(to)) and len(result["refused"]) == 1 and json.dumps(result)
+    assert result["added"] == list(objects(to)) and result["refused"] == {} and json.dumps(result)
