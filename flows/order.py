@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 from dreamfields_core import captions, presets
 from dreamfields_core.config import DreamConfig, override, validate
+from flows.slugs import plain_name
 from storage.digests import json_digest
 from storage.errors import StorageError
 from storage.store import open_store
@@ -92,7 +92,7 @@ def order_of(
 
 def folder_name(caption: str, config: dict[str, Any]) -> str:
     """Of the run's own folder among the others."""
-    return f"{slug(caption)}-{json_digest([captions.normalize(caption), config])[:8]}"
+    return f"{plain_name(caption)}-{json_digest([captions.normalize(caption), config])[:8]}"
 
 
 def settle(
@@ -148,9 +148,3 @@ def check_places(folder: Path, store: str) -> None:
         open_store(store).check_writable()
     except StorageError as error:
         raise OrderError(str(error)) from error
-
-
-def slug(caption: str) -> str:
-    """A name for a folder."""
-    words = re.sub(r"[^a-z0-9]+", "-", caption.lower()).strip("-")
-    return words[:48].strip("-") or "dream"

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from dreamfields_core.config import ConfigError, DreamConfig
-from flows.order import Order, OrderError, address_of, check_encoders, check_places, order_of, settle, slug, states_judge
+from flows.order import Order, OrderError, address_of, check_encoders, check_places, order_of, settle, states_judge
 from flows.result import dream_key
+from flows.slugs import plain_name
 from flows.tables import Table, load_table
 from flows.tables.types import Size
 from storage.digests import json_digest
@@ -104,7 +105,7 @@ def plan_sweep(
             check_encoders(config, judge_is_stated=states_judge(shared["judge"], own))
             parameters = {**shared, "seed": seed, "settings": own}
             cells += [_cell(variant, config, {**parameters, "caption": caption}) for caption in captions.captions]
-    name = "-".join([slug(captions.name), *([slug(table)] if table else []), preset])
+    name = "-".join([plain_name(captions.name), *([plain_name(table)] if table else []), preset])
     name += "-" + json_digest([captions.digest, rows, seeds, preset, guidance, judges, list(settings)])[:8]
     return Plan(name, captions, tuple(cells), known, preset, judges or (config.evaluate.judge,), address, out)
 

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from dreamfields_core.reporting.contract import Entry
-from flows.order import folder_name, slug
+from flows.order import folder_name
 from flows.report import POSTER, lay_out, read_history
 from flows.result import SCORED, find_dream, find_made, told
+from flows.slugs import plain_name
 from flows.sweep_plan import Cell, Plan
 from storage.artifacts import ArtifactRef, export
 from storage.contract import Store
@@ -98,6 +99,6 @@ def truths(record: StepRecord, store: Store, out: Path) -> Iterator[Entry]:
     """The row of true pictures."""
     for truth in record.values["oracle"]:
         ref = ArtifactRef.from_json(truth["poster"])
-        path = Path(TRUTHS, f"{slug(truth['caption'])}-{ref.sha256[:8]}.webp")
+        path = Path(TRUTHS, f"{plain_name(truth['caption'])}-{ref.sha256[:8]}.webp")
         export(store, ref, out / path)
         yield Entry(TRUTHS, truth["caption"], 0, {"scores": truth["scores"]}, files={POSTER: path.as_posix()})

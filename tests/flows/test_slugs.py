@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flows.slugs import slug
+from flows.slugs import plain_name, slug
 
 RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt") for number in range(10))}
 KEY = "0123456789abcdef" * 4
@@ -34,3 +34,9 @@ def test_names_that_differ_in_case_or_accents_only_are_kept_apart_by_their_keys(
 
 def test_a_name_is_stable() -> None:
     assert slug("A castle, made of cheese!", KEY) == "a-castle-made-of-cheese-0123456789ab"
+
+
+def test_a_folder_is_named_by_the_words_without_their_accents() -> None:
+    assert plain_name("Un Café, crème!") == "un-cafe-creme"
+    assert plain_name("кот") == "dream"
+    assert plain_name("a" * 47 + " tree") == "a" * 47
