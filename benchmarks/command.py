@@ -22,6 +22,7 @@ BENCHMARKS = {
     "render": "held-out pictures: error against field evaluations and seconds, order of convergence",
     "dream": "whole dreams, skipping against dense and against the hybrid field: seconds and the judge's cosine",
     "mesh": "iso-surface, coarse to fine against the whole lattice: evaluations, seconds, error",
+    "assets": "finished meshes of real fields: closed, valid, the same in every format, like their fields (needs the extra `test`)",
     "encoder": "image tower forward and gradient, against PyTorch (needs the extra `parity`)",
     "store": "checkpoints and artifacts: bytes a second, and how long the optimisation waits",
     "report": "the page of a sweep over a thousand cached objects: seconds from the store to the page",

@@ -120,7 +120,9 @@ report_command.register(app)
 )
 def bench(
     context: typer.Context,
-    name: Annotated[str, typer.Argument(help="step, render, dream, mesh, encoder, store or report; its options follow (benchmarks/NAME.py).")],
+    name: Annotated[
+        str, typer.Argument(help="step, render, dream, mesh, assets, encoder, store or report; its options follow (benchmarks/NAME.py).")
+    ],
     out: Annotated[Path | None, typer.Option(help="Folder of the JSON and the plot; benchmarks/results if none.")] = None,
 ) -> None:
     """Measure time against error, ours against the dense path, in one run."""

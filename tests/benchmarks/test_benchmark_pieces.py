@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -159,6 +160,30 @@ def test_the_mesh_of_a_ball_and_of_a_wrong_one() -> None:
     right, wrong = measured(mesh.RADIUS), measured(mesh.RADIUS + 0.01)
     assert right["same_mesh"] and right["error"] < 2e-4
     assert wrong["error"] == pytest.approx(0.01, rel=0.05)
+
+
+def test_a_format_that_mirrors_or_paints_wrong_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from dataclasses import replace
+
+    from benchmarks import reading
+    from dreamfields_core.meshing import FORMATS, to_glb
+    from tests.meshing.textured import globe
+
+    glb = to_glb(globe(8), {"caption": "a globe"})
+
+    def found(**writers: Any) -> int:
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
+        folder.mkdir()
+        monkeypatch.setattr(reading, "FORMATS", {**FORMATS, **writers})
+        return reading.differences(glb, folder)
+
+    assert found() == 0
+    assert found(stl=lambda mesh, told: FORMATS["stl"](replace(mesh, vertices=mesh.vertices * [1, 1, -1]), told)) == 2
+    assert found(ply=lambda mesh, told: FORMATS["ply"](replace(mesh, faces=mesh.faces[:, ::-1]), told)) == 1
+    assert (
+        found(obj=lambda mesh, told: FORMATS["obj"](replace(mesh, texture=replace(mesh.texture, color=255 - mesh.texture.color)), told))
+        == 1
+    )
 
 
 def test_records_refuse_what_says_nothing(tmp_path: Path) -> None:

@@ -66,6 +66,13 @@ def test_mesh(tmp_path: Path) -> None:
     assert found["headline"]["evaluations_fraction"] < 0.6
 
 
+def test_assets(tmp_path: Path) -> None:
+    found = run("assets", "--captions", "1", "--fit-steps", "4", "--dream-steps", "1", "--settings", *SETTINGS, folder=tmp_path)
+    assert found["headline"]["objects"] == found["headline"]["closed"] == 2
+    assert (found["headline"]["usd_findings"], found["headline"]["reload_differences"]) == (0, 0)
+    assert [row["field"] for row in found["rows"]] == ["draft", "settled"] and all(0 < row["silhouette"] <= 1 for row in found["rows"])
+
+
 def test_dream(tmp_path: Path) -> None:
     settings = [*SETTINGS, "render.size=8", "render.crop=7"]
     found = run("dream", "--captions", "1", "--steps", "6", "--dense", "sampled", "--every", "3", "--settings", *settings, folder=tmp_path)

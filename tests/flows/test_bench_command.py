@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.command import BENCHMARKS
 from flows import cli
 
 
@@ -22,7 +23,8 @@ def run(*arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 def test_an_unknown_benchmark_is_refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = run("bench", "stpe", monkeypatch=monkeypatch, capsys=capsys)
     assert code == 2 and out == ""
-    assert err == 'dreamfields: expected a benchmark among step, render, dream, mesh, encoder, store, got "stpe"\n'
+    names = ", ".join(BENCHMARKS)
+    assert err == f'dreamfields: expected a benchmark among {names}, got "stpe"\n' and "assets" in names
 
 
 def test_help_has_an_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
