@@ -47,6 +47,7 @@ def load_torch(folder: Path) -> Call:
         given = torch.tensor(pictures, requires_grad=True)
         embedding = model(pixel_values=((given - mean) / std).permute(0, 3, 1, 2)).image_embeds
         (torch.nn.functional.normalize(embedding, dim=-1) @ goal).mean().backward()
+        assert given.grad is not None
         return given.grad.numpy()
 
     return call
