@@ -1,7 +1,7 @@
 """Short names of published models, and where each one lies. Any folder or hub repository of a supported family works as well.
 
-No digest stands here that nobody could check when this was written: the hub states the sha256 of each large file, the download is
-verified against it, and so is every later load.
+The hub states the sha256 of each large file; the download is verified against it, and so is every later load. Where several users of a
+file have published the same digest of it, it stands here as well and must hold besides.
 """
 
 from __future__ import annotations
@@ -46,9 +46,19 @@ class Published:
         return round(4 * self.parameters)
 
 
-def _openai(name: str, repository: str, size: int, parameters: float, about: str) -> Published:
+def _openai(name: str, repository: str, size: int, parameters: float, about: str, *, sha256: str | None = None) -> Published:
     return Published(
-        f"clip-{name}", "clip", repository, "open_clip", size, parameters, "MIT", about, activation="quick_gelu", tokenizer=CLIP_TOKENIZER
+        f"clip-{name}",
+        "clip",
+        repository,
+        "open_clip",
+        size,
+        parameters,
+        "MIT",
+        about,
+        activation="quick_gelu",
+        tokenizer=CLIP_TOKENIZER,
+        sha256={"open_clip_model.safetensors": sha256} if sha256 else {},
     )
 
 
@@ -69,10 +79,31 @@ def _lit(name: str, parameters: float, vocabulary: str, about: str) -> Published
 
 
 MODELS: tuple[Published, ...] = (
-    _openai("vit-b32", "timm/vit_base_patch32_clip_224.openai", 224, 151.3, "OpenAI's CLIP B/32, the paper's usual judge"),
-    _openai("vit-b16", "timm/vit_base_patch16_clip_224.openai", 224, 149.6, "OpenAI's CLIP B/16, the paper's usual guidance"),
+    _openai(
+        "vit-b32",
+        "timm/vit_base_patch32_clip_224.openai",
+        224,
+        151.3,
+        "OpenAI's CLIP B/32, the paper's usual judge",
+        sha256="e6d1bd7789aa45192b3bf90570a789b478bae1b74ebcce7eddd908e83a2b7c31",
+    ),
+    _openai(
+        "vit-b16",
+        "timm/vit_base_patch16_clip_224.openai",
+        224,
+        149.6,
+        "OpenAI's CLIP B/16, the paper's usual guidance",
+        sha256="4b8699299b1e8997753c64b052ba32031449d5d853f55a039148560ee02b820f",
+    ),
     _openai("vit-l14", "timm/vit_large_patch14_clip_224.openai", 224, 427.6, "OpenAI's CLIP L/14"),
-    _openai("vit-l14-336", "timm/vit_large_patch14_clip_336.openai", 336, 427.9, "OpenAI's CLIP L/14 at 336 pixels"),
+    _openai(
+        "vit-l14-336",
+        "timm/vit_large_patch14_clip_336.openai",
+        336,
+        427.9,
+        "OpenAI's CLIP L/14 at 336 pixels",
+        sha256="fbc415c3d0d7b79faed8f5ccfb740c32b7c4f5ffe7283b851f89c6231c01a8e0",
+    ),
     _laion("clip-vit-b32-laion2b", "laion/CLIP-ViT-B-32-laion2B-s34B-b79K", 224, 151.3, "OpenCLIP B/32 on LAION-2B"),
     _laion("clip-vit-b16-laion2b", "laion/CLIP-ViT-B-16-laion2B-s34B-b88K", 224, 149.6, "OpenCLIP B/16 on LAION-2B"),
     _laion("clip-vit-l14-laion2b", "laion/CLIP-ViT-L-14-laion2B-s32B-b82K", 224, 427.6, "OpenCLIP L/14 on LAION-2B"),

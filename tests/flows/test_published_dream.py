@@ -33,8 +33,8 @@ def test_a_dream_goes_the_whole_way_under_clip_b32_by_its_short_name(
 ) -> None:
     """The model has its real size and lies where the hub's client would have put it; 600 MB on disk."""
     monkeypatch.setenv("HF_HOME", str(full_clip.write(tmp_path / "home")))
-    _, result, folder = dreams.dream("--guidance", "clip-vit-b32", "--set", "optim.steps=3", caption="a bust of marble")
-    assert result["encoders"]["guidance"]["name"] == "clip-vit-b32" and result["seconds"]["optimize"] > 0
+    _, result, folder = dreams.dream("--guidance", full_clip.MODEL.name, "--set", "optim.steps=3", caption="a bust of marble")
+    assert result["encoders"]["guidance"]["name"] == full_clip.MODEL.name and result["seconds"]["optimize"] > 0
     assert (folder / "mesh.glb").stat().st_size > 0
 
 

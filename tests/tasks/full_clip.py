@@ -1,4 +1,7 @@
-"""OpenAI's CLIP B/32 in its real size, of random weights, where the hub's client would have put it. It makes no object."""
+"""CLIP B/32 in its real size, of random weights, where the hub's client would have put LAION's. It makes no object.
+
+OpenAI's own has a digest in the registry, which random weights cannot have.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from safetensors.numpy import save_file
 from dreamfields_core.guidance.registry import NAMES
 
 COMMIT = "c0ffee" + "0" * 34
-MODEL = NAMES["clip-vit-b32"]
+MODEL = NAMES["clip-vit-b32-laion2b"]
 HUB = {
     "projection_dim": 512,
     "vision_config": {"hidden_size": 768, "num_hidden_layers": 12, "intermediate_size": 3072, "image_size": 224, "patch_size": 32},
@@ -25,7 +28,6 @@ HUB = {
 OPEN_CLIP = {
     "model_cfg": {
         "embed_dim": 512,
-        "quick_gelu": True,
         "vision_cfg": {"image_size": 224, "layers": 12, "width": 768, "patch_size": 32},
         "text_cfg": {"context_length": 77, "vocab_size": 49408, "width": 512, "heads": 8, "layers": 12},
     },
@@ -34,7 +36,7 @@ OPEN_CLIP = {
 
 
 def write(home: Path) -> Path:
-    """The registry's repository of `clip-vit-b32` and that of its tokenizer, cached under `home`, the folder HF_HOME. Returns `home`."""
+    """The repository of `clip-vit-b32-laion2b` and that of its tokenizer, cached under `home`, the folder HF_HOME. Returns `home`."""
     files = home / "files"
     files.mkdir(parents=True)
     (files / "open_clip_config.json").write_text(json.dumps(OPEN_CLIP), encoding="utf-8")

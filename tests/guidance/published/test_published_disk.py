@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import tracemalloc
@@ -15,6 +16,7 @@ import pytest
 from safetensors.numpy import save_file
 
 from dreamfields_core.guidance.registry import NAMES
+from storage.errors import UnreadableWeights
 from storage.mapped import map_arrays
 from tasks.published import describe_models, find_published
 
@@ -88,11 +90,25 @@ def test_a_model_is_on_disk_when_each_of_its_files_is(tmp_path: Path, monkeypatc
 def test_a_repository_of_the_registry_is_the_model_of_its_short_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its configuration may leave the activation out; whoever gives the repository gets the model that was trained all the same."""
     monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
-    model = NAMES["clip-vit-b32"]
+    model = NAMES["clip-vit-l14"]
     settings = {"model_cfg": {"embed_dim": 24, "vision_cfg": {"layers": 2, "width": 64}, "text_cfg": {"layers": 1}}}
     put(tmp_path, model.repository, {"open_clip_config.json": json.dumps(settings).encode(), "open_clip_model.safetensors": b"weights"})
     made.write_clip_tokenizer(tmp_path, *made.clip_vocabulary())
     put(tmp_path, model.tokenizer or "", {name: (tmp_path / name).read_bytes() for name in ("vocab.json", "merges.txt")})
-    short, long = find_published("clip-vit-b32"), find_published(model.repository)
+    short, long = find_published("clip-vit-l14"), find_published(model.repository)
     assert short.arch.image.stack.activation == short.arch.text.stack.activation == "quick_gelu"
     assert long.arch == short.arch and long.digest() == short.digest()
+
+
+def test_weights_that_are_not_the_ones_of_the_registry_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
+    put(tmp_path, NAMES["clip-vit-b32"].repository, {"open_clip_config.json": b"{}", "open_clip_model.safetensors": b"others"})
+    with pytest.raises(
+        UnreadableWeights, match=r"Expected digest e6d1bd7789aa for open_clip_model.safetensors of timm/.*: remove .* and fetch"
+    ):
+        find_published("clip-vit-b32")
+
+
+def test_digests_of_the_registry_are_digests() -> None:
+    stated = [digest for model in NAMES.values() for digest in model.sha256.values()]
+    assert len(stated) >= 3 and all(re.fullmatch("[0-9a-f]{64}", digest) for digest in stated) and len(set(stated)) == len(stated)
