@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from dreamfields_core.guidance.resize import resize
+from dreamfields_core.guidance.tokens import tell_cut
 from dreamfields_core.guidance.towers import Architecture, init, read, see
 from dreamfields_core.types import Array, Encoder, Params
 
@@ -50,14 +51,17 @@ def words_of(caption: str) -> list[str]:
     return found
 
 
-def tokenizer(vocabulary: Sequence[str], length: int) -> Callable[[Sequence[str]], np.ndarray]:
-    """captions -> int32 [batch, length]; words outside the vocabulary become `UNKNOWN`, longer captions are cut."""
+def tokenizer(vocabulary: Sequence[str], length: int, *, name: str = "this model") -> Callable[[Sequence[str]], np.ndarray]:
+    """captions -> int32 [batch, length]; words outside the vocabulary become `UNKNOWN`, longer captions are cut, which is told."""
     index = {word: number for number, word in enumerate(vocabulary, FIRST)}
 
     def tokenize(captions: Sequence[str]) -> np.ndarray:
         tokens = np.full((len(captions), length), PADDING, np.int32)
         for row, caption in zip(tokens, captions, strict=True):
-            numbers = [index.get(word, UNKNOWN) for word in words_of(caption)][:length]
+            words = words_of(caption)
+            if len(words) > length:
+                tell_cut(name, "words", reads=length, has=len(words), kept=" ".join(words[:length]))
+            numbers = [index.get(word, UNKNOWN) for word in words[:length]]
             row[: len(numbers)] = numbers
         return tokens
 
@@ -80,7 +84,7 @@ def encoder(name: str, model: Model, digest: str) -> Encoder:
         image_size=a.image_size,
         dim=a.dim,
         params=model.params,
-        tokenize=tokenizer(model.vocabulary, a.length),
+        tokenize=tokenizer(model.vocabulary, a.length, name=name),
         encode_text=lambda params, tokens: read(params, jnp.asarray(tokens), a),
         encode_image=encode_image,
         unknown_words=unknown_words,

@@ -19,7 +19,7 @@ class CaptionCut(UserWarning):
 
 
 def _warn(sentence: str) -> None:
-    warnings.warn(sentence, CaptionCut, stacklevel=4)
+    warnings.warn(sentence, CaptionCut, stacklevel=5)
 
 
 _tell: ContextVar[Callable[[str], None]] = ContextVar("who is told of a caption that is cut", default=_warn)
@@ -33,6 +33,11 @@ def cuts_told(tell: Callable[[str], None]) -> Iterator[None]:
         yield
     finally:
         _tell.reset(before)
+
+
+def tell_cut(name: str, parts: str, *, reads: int, has: int, kept: str) -> None:
+    """Say that a model reads so many parts (tokens, words) of a caption that has more, and what it keeps."""
+    _tell.get()(f'{name} reads {reads} {parts} and this caption has {has}: it is cut after "{_end(kept)}"')
 
 
 Pieces = tuple[list[int], list[str]]
@@ -64,9 +69,7 @@ def padded(
             raise TypeError(f"expected captions as text, got {type(caption).__name__}: pass a list of strings")
         ids, texts = split(caption)
         if len(ids) > room:
-            _tell.get()(
-                f'{name} reads {room} tokens and this caption has {len(ids)}: it is cut after "{_end("".join(texts[:room]).strip())}"'
-            )
+            tell_cut(name, "tokens", reads=room, has=len(ids), kept="".join(texts[:room]).strip())
         row = [*before, *ids[:room], *after]
         return row + [padding] * (length - len(row))
 

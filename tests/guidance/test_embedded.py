@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dreamfields_core.guidance import embedded
+from dreamfields_core.guidance.tokens import CaptionCut
 from flows.train_embedded import WEIGHTS, load
 
 VOCABULARY = ("a", "red", "blue", "mug")
@@ -105,3 +106,9 @@ def test_damaged_weights_are_refused_in_one_sentence() -> None:
 
 def test_shipped_weights_fit_in_the_repository() -> None:
     assert sum(path.stat().st_size for path in SHIPPED) <= 16 * 2**20
+
+
+def test_a_long_caption_is_cut_and_told_where() -> None:
+    tokenize = embedded.tokenizer(("a", "red", "mug"), 4, name="small")
+    with pytest.warns(CaptionCut, match='^small reads 4 words and this caption has 6: it is cut after "a red mug a"$'):
+        np.testing.assert_array_equal(tokenize(["A red mug, a red mug."]), [[2, 3, 4, 2]])
