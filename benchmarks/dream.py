@@ -7,6 +7,7 @@ of steps is what the dense dream would have taken. The difference in cosine is t
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -28,6 +29,7 @@ from dreamfields_core.presets import preset
 from dreamfields_core.rendering.images import on_white, view_renderer
 from dreamfields_core.scene.cameras import poses_at
 from dreamfields_core.types import Array
+from storage.digests import json_digest
 from tasks.encoders import load_encoder
 
 CAPTIONS = (
@@ -80,30 +82,39 @@ class Course:
 
 
 def run(options: Options) -> dict[str, Any]:
-    """A row per caption and way."""
+    """A row per caption and way. A caption's row is kept in the cache as soon as it is there: run again, the rest is made."""
     if options.dense not in ("whole", "sampled"):
         raise SystemExit(f'expected --dense whole or sampled, got "{options.dense}"')
     configs = ways(options)
     guide = load_encoder(configs["hybrid"].guidance.name)
     programs = {name: DreamProgram(config, guide) for name, config in configs.items()}
+    said = [config.model_dump(mode="json") for config in configs.values()]
     rows = []
     for caption in CAPTIONS[: options.captions]:
-        text = scenes.text_embedding(guide, caption)
-        look = judge_of(configs["hybrid"], caption)
-        dense = Times()
-        if options.dense == "sampled":
-            compiled(programs["dense"], text)
-            beside = partial(_sample, programs["dense"], text, dense, options.every)
-            courses = {"skipping": dream(programs["skipping"], text, look, beside=beside)}
-        else:
-            courses = {name: dream(programs[name], text, look) for name in ("skipping", "dense")}
-        courses["hybrid"] = dream(programs["hybrid"], text, look)
-        row: dict[str, Any] = {"caption": caption, **{name: course.row() for name, course in courses.items()}}
-        if dense.wall:
-            mean = {clock: float(np.mean(getattr(dense, clock))) for clock in ("wall", "processor")}
-            row["dense"] = {"steps": 0, **{f"{clock}_s": round(options.steps * mean[clock], 2) for clock in mean}, "sampled": dense.row()}
-        rows.append(row)
+        name = json_digest(["dream", caption, said, guide.digest, options.dense, options.every])
+        rows.append(
+            json.loads(scenes.kept(name, lambda caption=caption: json.dumps(compared(caption, programs, options)).encode(), ending="json"))
+        )
     return {"headline": headline(rows), "clock": "processor seconds over all cores", "options": options.__dict__, "rows": rows}
+
+
+def compared(caption: str, programs: dict[str, DreamProgram], options: Options) -> dict[str, Any]:
+    """One caption, dreamed every way."""
+    config = programs["hybrid"].config
+    text, look = scenes.text_embedding(programs["hybrid"].encoder, caption), judge_of(config, caption)
+    dense = Times()
+    if options.dense == "sampled":
+        compiled(programs["dense"], text)
+        beside = partial(_sample, programs["dense"], text, dense, options.every)
+        courses = {"skipping": dream(programs["skipping"], text, look, beside=beside)}
+    else:
+        courses = {name: dream(programs[name], text, look) for name in ("skipping", "dense")}
+    courses["hybrid"] = dream(programs["hybrid"], text, look)
+    row: dict[str, Any] = {"caption": caption, **{name: course.row() for name, course in courses.items()}}
+    if dense.wall:
+        mean = {clock: float(np.mean(getattr(dense, clock))) for clock in ("wall", "processor")}
+        row["dense"] = {"steps": 0, **{f"{clock}_s": round(options.steps * mean[clock], 2) for clock in mean}, "sampled": dense.row()}
+    return row
 
 
 def ways(options: Options) -> dict[str, DreamConfig]:

@@ -48,7 +48,7 @@ def dreamed(config: DreamConfig, *, caption: str = CAPTION) -> FinishedField:
         state, _ = dream_on(program, program.start(), text_embedding(encoder, caption), steps=config.optim.steps)
         return pack_field(state_to_arrays(state), config)
 
-    return unpack_field(_kept(_name(caption, config, encoder), make))
+    return unpack_field(kept(_name(caption, config, encoder), make))
 
 
 def settled(
@@ -80,7 +80,7 @@ def settled(
         state, _ = dream_on(program, begun, text_embedding(encoder, caption), steps=dream_steps)
         return pack_field(state_to_arrays(state), config)
 
-    return unpack_field(_kept(_name(caption, config, encoder, _said(source), fit_steps, dream_steps), make))
+    return unpack_field(kept(_name(caption, config, encoder, _said(source), fit_steps, dream_steps), make))
 
 
 def remembered(program: DreamProgram, state: DreamState, *, refreshes: int = 16) -> Occupancy:
@@ -160,9 +160,9 @@ def _said(config: DreamConfig) -> Any:
     return config.model_dump(mode="json", exclude_defaults=True, exclude={"evaluate", "mesh"})
 
 
-def _kept(name: str, make: Callable[[], bytes]) -> bytes:
+def kept(name: str, make: Callable[[], bytes], *, ending: str = "safetensors") -> bytes:
     """The bytes of that name, made if they are not there."""
-    path = folder() / f"{name[:32]}.safetensors"
+    path = folder() / f"{name[:32]}.{ending}"
     if not path.is_file():
         data = make()
         path.parent.mkdir(parents=True, exist_ok=True)
