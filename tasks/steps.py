@@ -49,7 +49,7 @@ RENDER = Step(
 
 MESH = Step(
     "mesh",
-    4,
+    5,
     # What decided the field decides the mesh too, and its file says so.
     (*OPTIMIZE.reads, "mesh", *RENDER.reads),
     Later("tasks.mesh:mesh"),

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dreamfields_core.meshing.bends import cut_bends
 from dreamfields_core.meshing.cases import CORNERS
 from dreamfields_core.meshing.errors import FieldEmpty, FieldFull
 from dreamfields_core.meshing.lattice import Field, Lattice, Packed, Progress, Samples, distinct
@@ -73,7 +74,7 @@ def extract(samples: Samples, coarse: np.ndarray, level: float, *, steps: int = 
             f"expected values above the level {level:.4g} somewhere in the cube, got {coarse.max():.4g} at the most: "
             "lower the level, or dream with a weaker transmittance loss"
         )
-    return march(samples, cells, level, steps=steps)
+    return cut_bends(march(samples, cells, level, steps=steps), samples, level)
 
 
 def slope(coarse: np.ndarray, width: float) -> float:
