@@ -22,7 +22,7 @@ from dreamfields_core.config import (
 def _paper(*, size: int, crop: int, steps: int) -> DreamConfig:
     return DreamConfig(
         # A sample of the paper's network costs enough for a finer memory of where the scene is, and for learning from a tenth.
-        render=RenderConfig(size=size, crop=crop, skip=SkipConfig(resolution=64, learn=0.1)),
+        render=RenderConfig(size=size, crop=crop, skip=SkipConfig(resolution=64, refresh_turns=8, learn=0.1)),
         optim=OptimConfig(steps=steps),
         mesh=MeshConfig(resolution=256),
         evaluate=EvaluateConfig(),

@@ -79,6 +79,7 @@ REFUSED = {
     "seed=1.5": "seed: input should be a valid integer",
     "render.size=-88": "render.size: input should be greater than or equal to 1",
     "render.size=null": "render.size: input should be a valid integer",
+    "render.skip.refresh_turns=5": "expected render.skip.refresh_turns to divide render.skip.resolution, got 5 and 32",
     "render.crop=900": "expected render.crop <= render.size, got crop=900 and size=168",
     "camera.azimuth.low=400": "camera.azimuth: expected low <= high, got low=400.0 and high=360.0",
     "camera.radius.low=0": "camera: expected camera.radius.low > 0, got 0.0",

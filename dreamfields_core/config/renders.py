@@ -16,6 +16,7 @@ class SkipConfig(Part):
     resolution: cells a side of the occupancy grid.
     warmup_steps: steps at the start that evaluate every sample inside the cube.
     refresh_every: steps between refreshes of the grid.
+    refresh_turns: a refresh asks one cell in so many, others each time; the first one asks all. Divides the resolution.
     decay: of the running maximum of optical depth in a cell, per refresh.
     threshold: a cell counts as empty below this optical depth a step length.
     explore: share of the samples in empty cells that is evaluated all the same, weighted up so that expectations hold.
@@ -32,6 +33,7 @@ class SkipConfig(Part):
     resolution: Count = 32
     warmup_steps: Annotated[int, Field(ge=0)] = 64
     refresh_every: Count = 16
+    refresh_turns: Count = 1
     decay: Share = 0.9
     threshold: NonNegative = 1e-3
     explore: PositiveShare = 0.02
@@ -39,6 +41,14 @@ class SkipConfig(Part):
     learn: PositiveShare = 1.0
     refine: Count = 1
     chunk: Count | None = None
+
+    @model_validator(mode="after")
+    def turns_fit(self) -> SkipConfig:
+        if self.resolution % self.refresh_turns:
+            raise ValueError(
+                f"expected render.skip.refresh_turns to divide render.skip.resolution, got {self.refresh_turns} and {self.resolution}"
+            )
+        return self
 
 
 class RenderConfig(Part):

@@ -24,7 +24,7 @@ from dreamfields_core.fields.perturbed import perturb, perturbed
 from dreamfields_core.guidance.views import embedding_at
 from dreamfields_core.precision import product_type
 from dreamfields_core.rendering.images import on_white
-from dreamfields_core.rendering.occupancy import Occupancy, refresh, unknown_occupancy
+from dreamfields_core.rendering.occupancy import Occupancy, refresh, refresh_some, unknown_occupancy
 from dreamfields_core.rendering.render import Tally
 from dreamfields_core.rendering.sharding import batch_over, device_mesh, on_every_device, render_rays_over
 from dreamfields_core.scene.cameras import Pose, camera_rays, poses_at, sample_poses
@@ -201,7 +201,12 @@ class DreamProgram:
             return state.occupancy
 
         def ask() -> Occupancy:
-            prepared = self.field.prepare(state.params)
-            return refresh(key, state.occupancy, self.field, prepared, state.origin, bound=self.config.scene.bound, decay=skip.decay)
+            scene = (key, state.occupancy, self.field, self.field.prepare(state.params), state.origin)
+            everywhere = partial(refresh, *scene, bound=self.config.scene.bound, decay=skip.decay)
+            if skip.refresh_turns == 1:
+                return everywhere()
+            turn = state.step // skip.refresh_every
+            some = partial(refresh_some, *scene, turn=turn, turns=skip.refresh_turns, bound=self.config.scene.bound, decay=skip.decay)
+            return jax.lax.cond(state.occupancy.known, some, everywhere)
 
         return jax.lax.cond(due, ask, lambda: state.occupancy)

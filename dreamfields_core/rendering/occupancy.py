@@ -39,13 +39,52 @@ def refresh(key: Array, occupancy: Occupancy, field: Field, prepared: Params, or
     """Ask the field at one random point in every cell: density <- max(decay x density, what was found there)."""
     side = occupancy.resolution
     corners = jnp.stack(jnp.meshgrid(*(jnp.arange(side),) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    found = _ask(key, corners, field, prepared, origin, bound=bound, side=side).reshape((side,) * 3)
+    return Occupancy(density=jnp.maximum(decay * occupancy.density, found), known=jnp.ones((), bool))
+
+
+def refresh_some(
+    key: Array,
+    occupancy: Occupancy,
+    field: Field,
+    prepared: Params,
+    origin: Array,
+    *,
+    turn: Array,
+    turns: int,
+    bound: float,
+    decay: float,
+) -> Occupancy:
+    """The same of one cell in `turns`, others each time: in as many turns in a row, every cell is asked once.
+
+    A cell that is not asked keeps what it remembers, and the cells around it are asked at other turns: as a cell counts as occupied
+    where any of the 27 is, little is missed of what moves less than a cell in that time.
+
+    Args:
+      turn: [] int32, the refresh's number. turns: divides the resolution.
+
+    Raises:
+      ValueError: turns that do not divide the resolution.
+    """
+    side = occupancy.resolution
+    if side % turns:
+        raise ValueError(f"expected turns that divide the {side} cells a side, got {turns}: change skip.refresh_turns, or skip.resolution")
+    x, y, z = jnp.meshgrid(jnp.arange(side), jnp.arange(side), jnp.arange(0, side, turns), indexing="ij")
+    corners = jnp.stack([x, y, z + (turn + 3 * x + 5 * y) % turns], axis=-1).reshape(-1, 3)
+    found = _ask(key, corners, field, prepared, origin, bound=bound, side=side)
+    cells = tuple(corners.T)
+    density = occupancy.density.at[cells].set(jnp.maximum(decay * occupancy.density[cells], found))
+    return Occupancy(density=density, known=occupancy.known)
+
+
+def _ask(key: Array, corners: Array, field: Field, prepared: Params, origin: Array, *, bound: float, side: int) -> Array:
+    """Density [N] at a random point in each of the cells whose numbers [N, 3] these are."""
     place = (corners + jax.random.uniform(key, corners.shape)) * (2.0 * bound / side) - bound
     raw, _ = field.apply(prepared, points_as_gaussians(origin[None, :] + place))
-    found = field.density(in_float32(raw)).reshape((side,) * 3)
+    found = field.density(in_float32(raw))
     # Not a number, once remembered, would stay: the larger of it and anything is itself, and no comparison calls it occupied.
     # A field in that state is kept in sight, so that the step that mends it or gives it up sees it.
-    found = jnp.where(found < DENSEST, found, DENSEST)
-    return Occupancy(density=jnp.maximum(decay * occupancy.density, found), known=jnp.ones((), bool))
+    return jnp.where(found < DENSEST, found, DENSEST)
 
 
 def cell_index(points: Array, origin: Array, *, bound: float, resolution: int) -> Array:

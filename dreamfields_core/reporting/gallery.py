@@ -26,7 +26,9 @@ SIDE = 256
 
 def gallery(entries: Sequence[Entry], judges: Sequence[str]) -> Markup:
     """The form that filters, and a card for each object."""
-    said = f"Beneath each: the place that {judges[0]} gives the true caption, seeing the field and the mesh." if judges else None
+    meshed = bool(judges) and any(retrieval(entry, judges[0], "random", "mesh") for entry in entries)
+    seen = "the field and the mesh" if meshed else "the field"
+    said = f"Beneath each: the place that {judges[0]} gives the true caption, seeing {seen}." if judges else None
     return join(
         [
             element("p", said, class_="quiet"),

@@ -19,7 +19,7 @@ FIELD, STEPS = "hybrid", 12
 def dream(devices: int) -> dict:
     """A short dream: metrics of each step, and how far each parameter went from where it started."""
     config = config_of(FIELD)
-    skip = config.render.skip.model_copy(update={"learn": 0.3})
+    skip = config.render.skip.model_copy(update={"learn": 0.3, "refresh_turns": 2})
     render = config.render.model_copy(update={"devices": devices, "skip": skip})
     program = DreamProgram(config.model_copy(update={"render": render}), ENCODER)
     start = state_to_arrays(program.start())

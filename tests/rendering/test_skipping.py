@@ -18,6 +18,7 @@ from dreamfields_core.rendering.occupancy import (
     inner_density,
     occupied_cells,
     refresh,
+    refresh_some,
     unknown_occupancy,
 )
 from dreamfields_core.rendering.render import render_rays
@@ -50,6 +51,42 @@ def known(field: Field, density: float, *, cells: int = CELLS, refreshes: int = 
 def chooser(skip: SkipConfig) -> Callable:
     """(key, placed, occupancy) -> kept, weight."""
     return jax.jit(lambda key, placed, occupancy: choose_samples(key, placed, ORIGIN, occupancy, bound=1.0, skip=skip))
+
+
+@pytest.mark.parametrize("turns", [2, 4, 8])
+def test_by_turns_every_cell_is_asked_once(turns: int) -> None:
+    everywhere = ball(radius=9.0)
+    before = Occupancy(density=jnp.full((CELLS,) * 3, 0.5), known=jnp.ones((), bool))
+    ask = jax.jit(
+        lambda occupancy, turn: refresh_some(
+            jax.random.key(0), occupancy, everywhere, {"density": 7.0}, ORIGIN, turn=turn, turns=turns, bound=1.0, decay=0.9
+        )
+    )
+    times = np.zeros((CELLS,) * 3, int)
+    for turn in range(turns, 2 * turns):
+        after = np.asarray(ask(before, jnp.int32(turn)).density)
+        asked = after != 0.5
+        np.testing.assert_allclose(after[asked], 7.0, rtol=1e-5)
+        assert asked.sum() == CELLS**3 // turns
+        # Spread out: along every axis a cell in so many.
+        for axis in range(3):
+            assert (asked.sum(axis) == CELLS // turns).all()
+        times += asked
+    assert (times == 1).all()
+
+
+def test_a_cell_asked_by_turns_forgets_as_one_asked_always() -> None:
+    nowhere = ball(radius=0.0)
+    before = Occupancy(density=jnp.full((CELLS,) * 3, 2.0), known=jnp.ones((), bool))
+    nothing = {"density": 0.0}
+    some = refresh_some(jax.random.key(0), before, nowhere, nothing, ORIGIN, turn=jnp.int32(0), turns=4, bound=1.0, decay=0.9)
+    every = refresh(jax.random.key(0), before, nowhere, nothing, ORIGIN, bound=1.0, decay=0.9)
+    assert set(np.unique(some.density)) == {np.float32(2.0), np.float32(1.8)} and set(np.unique(every.density)) == {np.float32(1.8)}
+
+
+def test_turns_that_do_not_divide_the_cells_are_refused() -> None:
+    with pytest.raises(ValueError, match="expected turns that divide the 4 cells a side, got 3"):
+        refresh_some(jax.random.key(0), unknown_occupancy(4), BALL, {}, ORIGIN, turn=jnp.int32(0), turns=3, bound=1.0, decay=0.9)
 
 
 def test_cells_against_a_twin() -> None:
