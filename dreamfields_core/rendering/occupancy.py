@@ -57,8 +57,9 @@ def refresh_some(
 ) -> Occupancy:
     """The same of one cell in `turns`, others each time: in as many turns in a row, every cell is asked once.
 
-    A cell that is not asked keeps what it remembers, and the cells around it are asked at other turns: as a cell counts as occupied
-    where any of the 27 is, little is missed of what moves less than a cell in that time.
+    A cell that is not asked keeps what it remembers, and forgets all the more once it is: by decay ^ turns, as if it had been asked each
+    time. The cells around it are asked at other turns: as a cell counts as occupied where any of the 27 is, little is missed of what
+    moves less than a cell in that time.
 
     Args:
       turn: [] int32, the refresh's number. turns: divides the resolution.
@@ -73,7 +74,7 @@ def refresh_some(
     corners = jnp.stack([x, y, z + (turn + 3 * x + 5 * y) % turns], axis=-1).reshape(-1, 3)
     found = _ask(key, corners, field, prepared, origin, bound=bound, side=side)
     cells = tuple(corners.T)
-    density = occupancy.density.at[cells].set(jnp.maximum(decay * occupancy.density[cells], found))
+    density = occupancy.density.at[cells].set(jnp.maximum(decay**turns * occupancy.density[cells], found))
     return Occupancy(density=density, known=occupancy.known)
 
 
