@@ -2,6 +2,9 @@
 
 It ends by itself when it is done, told to stop (tasks/mortality.py), or left alone, and saves a checkpoint of the step it
 stopped at first.
+
+Libraries that begin threads as they are imported (NumPy's do) are imported only once the signals are watched: a thread from before
+would take a signal in its default way, which ends the process with nothing saved.
 """
 
 from __future__ import annotations
@@ -15,10 +18,12 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from tasks.mortality import StopSign
-from tasks.step import Event
+
+if TYPE_CHECKING:
+    from tasks.step import Event
 
 PREVIEW_SECONDS = 4.0
 """At least so long between two previews, and twenty times what one costs."""
