@@ -20,7 +20,7 @@ class Display:
     """Hears every event of the steps; usable from any thread."""
 
     def __init__(self, console: Console, *, steps: int) -> None:
-        self.steps, self.step = steps, 0
+        self.steps, self.step, self.saved = steps, 0, 0
         self._console = console
         self._progress = Progress(
             TextColumn("{task.description}"),
@@ -91,14 +91,17 @@ class Display:
         self._say(event["text"])
 
     def _on_resumed(self, event: Event) -> None:
-        self.step = event["step"]
+        self.step = self.saved = event["step"]
         self._say(f"optimize: goes on from the checkpoint of step {event['step']}")
 
     def _on_rolled_back(self, event: Event) -> None:
         self._say(f"optimize: step {event['step']} was not finite; back to step {event['to']} with {event['rate_scale']:g} times the rate")
 
+    def _on_saved(self, event: Event) -> None:
+        self.saved = event["step"]
+
     def _on_stopped(self, event: Event) -> None:
-        self.step = event["step"] or self.step
+        self.saved = event["step"] or self.saved
 
     def _say(self, sentence: str) -> None:
         self._console.print(sentence, markup=False, soft_wrap=True)

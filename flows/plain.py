@@ -82,7 +82,8 @@ def _stop(console: Console, display: Display, place: Place, dreaming: Beside[Dre
         display({"event": "note", "text": "stopping: saving a checkpoint ..."})
         dreaming.wait()
     display.close()
-    at = f"at step {display.step} of {display.steps}, which is saved" if display.step else "before the first step"
+    seen = f"at step {display.step} of {display.steps}, with nothing saved" if display.step else "before the first step"
+    at = f"at step {display.saved} of {display.steps}, which is saved" if display.saved else seen
     console.print(f"Stopped {at}. To go on, run the same command again:\n  {shlex.join(['dreamfields', *sys.argv[1:]])}", soft_wrap=True)
     sys.stdout.flush()
 

@@ -31,3 +31,16 @@ def test_a_file_gets_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch) -> Non
     assert shown(terminal=False).splitlines() == ["mesh: 2.0 s"]
     monkeypatch.setattr(display, "SECONDS", 0.0)
     assert shown(terminal=False).splitlines()[:3] == [f"mesh: {points} points asked" for points in ("32,768", "65,536", "1,234,567")]
+
+
+def test_a_step_counts_as_saved_only_when_it_is() -> None:
+    with Display(Console(file=io.StringIO()), steps=10) as told:
+        for step in range(1, 6):
+            told({"event": "step", "step": step, "loss": 0.0, "transmittance": 0.9})
+        assert (told.step, told.saved) == (5, 0)
+        told({"event": "saved", "step": 4})
+        assert told.saved == 4
+        told({"event": "stopped", "step": None})
+        assert told.saved == 4
+        told({"event": "stopped", "step": 5})
+        assert told.saved == 5
