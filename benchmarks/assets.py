@@ -24,6 +24,7 @@ from benchmarks.reading import differences, gltf_findings, usd_findings
 from dreamfields_core.config import DreamConfig, override
 from dreamfields_core.dreaming.state import state_to_arrays
 from dreamfields_core.meshing import from_glb, render_mesh
+from dreamfields_core.meshing.errors import SilhouetteEmpty
 from dreamfields_core.presets import preset
 from dreamfields_core.rendering.images import on_shade
 from dreamfields_core.rendering.pictures import BACKDROP, picture
@@ -66,17 +67,22 @@ class Options:
 
 
 def run(options: Options) -> dict[str, Any]:
-    """A row per field; the headline is over all of them."""
+    """A row per field that shows an object; the headline is over all of them. empty: fields that are nowhere opaque, and have no mesh."""
     config = override(preset("draft"), options.settings)
     place = Place(open_store(str(scenes.folder() / "assets")))
-    rows = []
+    rows, empty = [], []
     for kind, caption in product(options.fields, CAPTIONS[: options.captions]):
         dream = scenes.dreamed(config, caption=caption)
         if kind == "settled":
             dream = scenes.settled(source=config, caption=caption, fit_steps=options.fit_steps, dream_steps=options.dream_steps)
-        rows.append({"field": kind, "caption": caption, **measure(dream, caption, config, place)})
+        try:
+            rows.append({"field": kind, "caption": caption, **measure(dream, caption, config, place)})
+        except SilhouetteEmpty as error:
+            empty.append({"field": kind, "caption": caption, "said": str(error)})
+            print(f"{kind}, {caption}: {error}", flush=True)
+            continue
         print(f"{len(rows)} {kind}, {caption}: silhouette {rows[-1]['silhouette']:.3f}, ranks {rows[-1]['ranks']}", flush=True)
-    return {"headline": headline(rows), "options": options.__dict__, "rows": rows}
+    return {"headline": headline(rows) | {"empty": len(empty)}, "options": options.__dict__, "rows": rows, "empty": empty}
 
 
 def headline(rows: list[dict[str, Any]]) -> dict[str, Any]:
