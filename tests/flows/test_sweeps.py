@@ -102,7 +102,8 @@ def test_what_was_only_scored_becomes_whole_without_being_dreamed_again(tmp_path
     assert first == {key: store.get(key) for step in steps for key in store.list(f"artifacts/{step}")}, "a step was done again"
     (whole,) = read_records(store, "dream")
     (more,) = whole.values["scores"].values()
-    assert {name: more[name] for name in said} == said and more["mesh"]["random"]["pool"] == 1
+    assert {name: more[name] for name in said} == said
+    assert more["mesh"]["random"]["pool"] == said["field"]["random"]["pool"] == 153
     process = sweep(tmp_path, "--score-only")
     assert process.end() == 0 and "1 there already, 0 to dream" in process.text(), process.text()
 
