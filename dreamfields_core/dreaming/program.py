@@ -188,7 +188,8 @@ class DreamProgram:
 
     def _picture(self, state: DreamState, pose: Pose) -> np.ndarray:
         picture = on_white(jax.device_get(self._preview(state, pose)))
-        return np.round(255 * picture[0]).astype(np.uint8)
+        # A field that is not a number, until it is rolled back, shows nothing: white.
+        return np.round(255 * np.nan_to_num(picture[0], nan=1.0)).astype(np.uint8)
 
     def _render_preview(self, state: DreamState, pose: Pose) -> Rendering:
         return self._render(None, self.field, self.field.prepare(state.params), pose, state.origin, state.occupancy)[0]

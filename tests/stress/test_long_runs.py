@@ -45,7 +45,7 @@ class Faulty:
     def __init__(self, program: DreamProgram, *, through: str, at: set[int]) -> None:
         self.program, self.config, self.through = program, program.config, through
         self.at, self.taken = at, 0
-        self.start, self.preview = program.start, program.preview
+        self.start, self.preview, self.glimpse = program.start, program.preview, program.glimpse
 
     def step(self, state: DreamState, text: Any) -> tuple[DreamState, Any]:
         self.taken += 1
