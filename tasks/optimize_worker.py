@@ -151,7 +151,9 @@ def _results(dreamer: Any, store: Any) -> Event:
 
     history, glimpses = io.BytesIO(), io.BytesIO()
     np.savez(history, **{name: np.asarray([row[name] for row in dreamer.history], np.float32) for name in dreamer.history[0]})  # type: ignore[arg-type]
-    seen = dreamer.glimpses | {dreamer.step: dreamer.program.glimpse(dreamer.state)}
+    seen = dreamer.glimpses
+    if dreamer.step not in seen:
+        seen = seen | {dreamer.step: dreamer.program.glimpse(dreamer.state)}
     np.savez(glimpses, steps=np.asarray(list(seen)), pictures=np.stack(list(seen.values())))
     arrays = dreamer.arrays()
     outputs = [

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dreamfields_core.rendering.pictures import png, webp_animation
-from storage.artifacts import put_artifact
+from storage.artifacts import ArtifactRef, put_artifact
 from storage.contract import Store
 from storage.digests import json_digest
 from storage.steps import StepRecord, put_record
@@ -26,24 +26,14 @@ def keep_dream(
     history = io.BytesIO()
     steps = np.arange(STEPS, dtype=np.float32)
     np.savez(history, loss=-steps / STEPS, similarity=steps / STEPS, transmittance=np.full(STEPS, 0.8, np.float32), bad=np.zeros(STEPS))
-    return put_record(
-        store,
-        StepRecord(
-            step="dream",
-            version=1,
-            key=json_digest([caption, seed]),
-            config={"seed": seed},
-            inputs={"caption": caption},
-            outputs=(
-                put_artifact(store, "turntable.webp", webp_animation(frames), "image/webp"),
-                put_artifact(store, "contact_sheet.png", png(frames[0]), "image/png"),
-                put_artifact(store, "mesh.glb", f"mesh of {caption} {seed}".encode(), "model/gltf-binary"),
-                put_artifact(store, "history.npz", history.getvalue(), "application/x-npz"),
-                put_artifact(store, "field.safetensors", b"large", "application/x-safetensors"),
-            ),
-            values={"scores": _scores(rank, learning), "seed": seed, "judge": JUDGE},
-        ),
+    outputs = (
+        put_artifact(store, "turntable.webp", webp_animation(frames), "image/webp"),
+        put_artifact(store, "contact_sheet.png", png(frames[0]), "image/png"),
+        put_artifact(store, "mesh.glb", f"mesh of {caption} {seed}".encode(), "model/gltf-binary"),
+        put_artifact(store, "history.npz", history.getvalue(), "application/x-npz"),
+        put_artifact(store, "field.safetensors", b"large", "application/x-safetensors"),
     )
+    return _keep(store, "dream", caption, seed, outputs, _scores(rank, learning))
 
 
 def keep_scored(store: Store, caption: str, seed: int, *, rank: int = 1) -> StepRecord:
@@ -51,15 +41,20 @@ def keep_scored(store: Store, caption: str, seed: int, *, rank: int = 1) -> Step
     views = io.BytesIO()
     np.savez(views, views=np.random.default_rng(seed).random((2, SIDE, SIDE, 3), np.float32), origin=np.zeros(3))
     scores = {judge: {name: said for name, said in found.items() if name != "mesh"} for judge, found in _scores(rank, None).items()}
+    outputs = (put_artifact(store, "views.npz", views.getvalue(), "application/x-npz"),)
+    return _keep(store, "scored", caption, seed, outputs, scores)
+
+
+def _keep(store: Store, kind: str, caption: str, seed: int, outputs: tuple[ArtifactRef, ...], scores: dict[str, Any]) -> StepRecord:
     return put_record(
         store,
         StepRecord(
-            step="scored",
+            step=kind,
             version=1,
             key=json_digest([caption, seed]),
             config={"seed": seed},
             inputs={"caption": caption},
-            outputs=(put_artifact(store, "views.npz", views.getvalue(), "application/x-npz"),),
+            outputs=outputs,
             values={"scores": scores, "seed": seed, "judge": JUDGE},
         ),
     )
