@@ -8,6 +8,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
 
+from flows.pace import Pace
 from tasks.step import Event
 
 LINES = 10
@@ -32,7 +33,7 @@ class Display:
         )
         self._bar: TaskID | None = None
         self._asking: TaskID | None = None
-        self._due = time.monotonic() + SECONDS
+        self._pace = Pace(SECONDS, at_once=False)
         self._first: tuple[int, float] | None = None
 
     def __enter__(self) -> Display:
@@ -77,8 +78,7 @@ class Display:
         if self._asking is None:
             self._asking = self._progress.add_task("mesh", total=None, numbers="points asked")
         self._progress.update(self._asking, completed=points)
-        if not self._console.is_terminal and time.monotonic() >= self._due:
-            self._due = time.monotonic() + SECONDS
+        if not self._console.is_terminal and self._pace.is_due():
             self._say(f"mesh: {points:,} points asked")
 
     def _on_end(self, event: Event) -> None:

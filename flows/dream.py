@@ -13,11 +13,9 @@ from dreamfields_core.captions import LONGEST
 from dreamfields_core.config import DreamConfig
 from flows.order import take_order
 from flows.page import Progress, show_result
-from flows.recipe import make_object
-from flows.result import leave
+from flows.result import fulfil
 from storage.store import open_store
 from tasks.conducted import as_task, fresh, record_of
-from tasks.pools import keep_pool
 from tasks.step import Done, Input, Place, Step
 
 Caption = Annotated[str, Field(min_length=1, max_length=LONGEST, description='What to dream, for instance "a red mushroom".')]
@@ -73,9 +71,7 @@ def dream(
     )
     order.folder.mkdir(parents=True, exist_ok=True)
     place = Place(open_store(order.store), Progress(order.config.optim.steps), order.folder / "preview.png")
-    wishes: dict[str, Any] = {"judges": order.judges, "score_only": score_only, "pool": keep_pool(place.store, order.among)}
-    made = make_object(ByPrefect(place, order.config), order.caption, order.config, **wishes)
-    result = leave(order, made, place.store)
+    result = fulfil(order, ByPrefect(place, order.config), place.store)
     show_result(order, result, place.store)
     return result
 

@@ -67,8 +67,16 @@ def take_order(
     caption = captions.check(caption)
     config = settle(preset, seed=seed, guidance=guidance, judge=judge, settings=settings)
     check_encoders(config, judge_is_stated=states_judge(judge, settings))
-    wishes: dict[str, Any] = {"among": among, "judges": judges, "score_only": score_only}
-    order = order_of(caption, preset=preset, config=config, store=address_of(store, out), out=out, **wishes)
+    order = order_of(
+        caption,
+        preset=preset,
+        config=config,
+        store=address_of(store, out),
+        out=out,
+        among=among,
+        judges=judges,
+        score_only=score_only,
+    )
     check_places(order.folder, order.store)
     return order
 

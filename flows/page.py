@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import time
 from typing import Any
 from uuid import UUID
 
@@ -19,6 +18,7 @@ from prefect.logging import get_run_logger
 
 from dreamfields_core.rendering.pictures import read_png, thumbnail, webp
 from flows.order import Order
+from flows.pace import Pace
 from storage.artifacts import get_artifact
 from storage.contract import Store
 from tasks.step import Event
@@ -36,7 +36,7 @@ class Progress:
     def __init__(self, steps: int) -> None:
         self._steps = steps
         self._artifact: UUID | None = None
-        self._due = self._picture_due = 0.0
+        self._pace, self._picture_pace = Pace(SECONDS), Pace(PICTURE_SECONDS)
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
@@ -51,10 +51,8 @@ class Progress:
             get_run_logger().info("%s: %s", event["event"], facts)
 
     def _on_step(self, event: Event) -> None:
-        now, last = time.monotonic(), event["step"] == self._steps
-        if now < self._due and not last:
+        if not self._pace.is_due(anyway=event["step"] == self._steps):
             return
-        self._due = now + SECONDS
         share = 100.0 * event["step"] / self._steps
         if self._artifact is None:
             self._artifact = create_progress_artifact(share, key="dream-progress", description=f"Optimising, {self._steps} steps")  # type: ignore[assignment]
@@ -66,16 +64,12 @@ class Progress:
 
     def _on_asked(self, event: Event) -> None:
         """How many points are left nobody knows before the surface is found: a number, no share."""
-        now = time.monotonic()
-        if now >= self._due:
-            self._due = now + SECONDS
+        if self._pace.is_due():
             get_run_logger().info("mesh: %d points asked", event["points"])
 
     def _on_preview(self, event: Event) -> None:
-        now = time.monotonic()
-        if now < self._picture_due:
+        if not self._picture_pace.is_due():
             return
-        self._picture_due = now + PICTURE_SECONDS
         with open(event["path"], "rb") as file:
             show_picture(file.read(), key="dream-preview", description="The field so far")
 

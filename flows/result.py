@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from flows.order import Order
-from flows.recipe import STEPS, Dream
+from flows.recipe import STEPS, Conductor, Dream, make_object
 from flows.view import VIEW, view_page
 from storage.artifacts import ArtifactRef, export, get_artifact
 from storage.contract import Store
@@ -15,6 +15,7 @@ from storage.digests import json_digest
 from storage.local import write_file
 from storage.steps import StepRecord, find_record, put_record
 from tasks.encoders import card
+from tasks.pools import keep_pool
 from tasks.version import code_version
 
 KEEPSAKES = re.compile(
@@ -25,6 +26,13 @@ WHOLE, SCORED = "dream", "scored"
 """Kinds of records: of an object with all that belongs to it, and of one that was only scored."""
 FACTS = ("preset", "seed", "config_digest", "encoders", "unknown_words", "seconds", "scores", "mesh")
 """What the record in the store holds of result.json beside its own fields."""
+
+
+def fulfil(order: Order, conduct: Conductor, store: Store) -> dict[str, Any]:
+    """Have the object of an order made, and leave it; what result.json says. Raises: whatever a step raises."""
+    pool = keep_pool(store, order.among)
+    made = make_object(conduct, order.caption, order.config, pool=pool, judges=order.judges, score_only=order.score_only)
+    return leave(order, made, store)
 
 
 def leave(order: Order, dream: Dream, store: Store) -> dict[str, Any]:

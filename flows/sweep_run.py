@@ -7,12 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from flows.order import Order
-from flows.recipe import Plainly, make_object
-from flows.result import leave
+from flows.recipe import Plainly
+from flows.result import fulfil
 from flows.sweep_plan import Cell
 from storage.store import open_store
 from tasks.optimize import OptimizeStopped
-from tasks.pools import keep_pool
 from tasks.retries import DELAYS, is_passing
 from tasks.step import Place
 
@@ -38,9 +37,7 @@ def sentence(error: BaseException) -> str:
 
 def make_plainly(order: Order, place: Place) -> dict[str, Any]:
     """One object without a conductor; what result.json says. Raises: whatever a step raises."""
-    wishes: dict[str, Any] = {"judges": order.judges, "score_only": order.score_only, "pool": keep_pool(place.store, order.among)}
-    made = make_object(Plainly(place, order.config), order.caption, order.config, **wishes)
-    return leave(order, made, place.store)
+    return fulfil(order, Plainly(place, order.config), place.store)
 
 
 def persistently(work: Callable[[], Any], tell: Callable[[str], None], *, delays: Sequence[float] = DELAYS) -> Any:
