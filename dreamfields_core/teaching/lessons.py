@@ -34,6 +34,7 @@ class Term:
     rate: after `warm` steps; it falls to `last` times itself, a cosine.
     radius: of the L2 ball in pixel values that pictures are moved in, reached after `ramp` steps; 0 for plain lessons.
     alike: pictures of a batch that share colours, pattern and relation with one another, so that only the kind tells them apart.
+    pairs: share of these groups that show two things at once, whose kinds are the hardest to tell; 0 takes them as often as they come.
     """
 
     steps: int
@@ -41,6 +42,7 @@ class Term:
     radius: float = 0.0
     ramp: int = 1
     alike: int = 1
+    pairs: float = 0.0
     last: float = 0.01
     warm: int = 100
 
@@ -149,6 +151,7 @@ class Class:
         number = {name: i for i, name in enumerate(dict.fromkeys(looks))}
         self.look = np.array([number[name] for name in looks])
         order = np.argsort(self.look, kind="stable")
+        self.two = np.flatnonzero([description.other is not None for description in self.descriptions])
         self.alike = np.split(order, np.cumsum(np.bincount(self.look))[:-1])
         self.tokenize = embedded.tokenizer(words.vocabulary(), architecture.length)
         self.length = architecture.length
@@ -159,7 +162,7 @@ class Class:
         term, number = course.term_of(step)
         lesson = step - number % course.replays if term.radius else step
         rng = np.random.default_rng([course.seed, 7, lesson])
-        chosen = self._choose(rng, term.alike)
+        chosen = self._choose(rng, term)
         said = [self.descriptions[i] for i in chosen]
         wrong = [hard_negative(rng, description) for description in said]
         return Batch(
@@ -171,13 +174,15 @@ class Class:
             self.facts[chosen],
         )
 
-    def _choose(self, rng: np.random.Generator, alike: int) -> np.ndarray:
-        """Which pictures a batch shows, [B]: groups of `alike` that share all but the kinds, as far as there are so many."""
+    def _choose(self, rng: np.random.Generator, term: Term) -> np.ndarray:
+        """Which pictures a batch shows, [B]: groups of `term.alike` that share all but the kinds, as far as there are so many."""
         chosen = rng.integers(len(self.pictures), size=self.course.batch)
-        for start in range(0, len(chosen), alike):
+        for start in range(0, len(chosen), term.alike):
+            if term.pairs and rng.random() < term.pairs and len(self.two):
+                chosen[start] = rng.choice(self.two)
             group = self.alike[self.look[chosen[start]]]
-            count = min(alike, len(chosen) - start)
-            if alike > 1 and len(group) >= count:
+            count = min(term.alike, len(chosen) - start)
+            if term.alike > 1 and len(group) >= count:
                 chosen[start : start + count] = rng.choice(group, count, replace=False)
         return chosen
 

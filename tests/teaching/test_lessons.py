@@ -86,11 +86,23 @@ def test_pictures_of_a_group_differ_in_kind_alone(page) -> None:
     colors = ["red", "blue"]
     captions = [f"a {color} {kind}" for color in colors for kind in ("cube", "cone", "egg", "mug", "star", "tree")]
     pupils = lessons.Class(COURSE, page.pictures[:12], captions, lessons.begin(COURSE)[0].architecture)
-    rng = np.random.default_rng(0)
+    rng, grouped, single = np.random.default_rng(0), lessons.Term(1, 1e-3, alike=4), lessons.Term(1, 1e-3)
     for _ in range(20):
-        groups = pupils._choose(rng, 4).reshape(-1, 4) // 6
+        groups = pupils._choose(rng, grouped).reshape(-1, 4) // 6
         assert (groups == groups[:, :1]).all()
-    assert len({tuple(pupils._choose(rng, 1) // 6) for _ in range(5)}) > 1
+    assert len({tuple(pupils._choose(rng, single) // 6) for _ in range(5)}) > 1
+
+
+def test_a_term_may_show_two_things_at_once_more_often_than_they_come(page) -> None:
+    captions = ["a red cube on top of a blue cone", "a red egg on top of a blue mug", *["a red cube", "a red cone"] * 10]
+    pupils = lessons.Class(COURSE, page.pictures[:22], captions, lessons.begin(COURSE)[0].architecture)
+    rng, shares = np.random.default_rng(0), {}
+    for pairs in (0.0, 0.5, 1.0):
+        term = lessons.Term(1, 1e-3, alike=2, pairs=pairs)
+        shares[pairs] = np.mean([pupils._choose(rng, term)[::2] < 2 for _ in range(100)])
+    assert shares[1.0] == 1
+    assert shares[0.0] == pytest.approx(2 / 22, abs=0.04)
+    assert shares[0.5] == pytest.approx(0.5 + 0.5 * 2 / 22, abs=0.06)
 
 
 def test_a_flow_run_writes_weights_that_load(page, tmp_path, monkeypatch) -> None:
