@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -19,7 +20,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 60.0
-"""Seconds that a child has for saving before it is killed."""
+"""Seconds that a child has for saving, once it is told to end, before it is killed."""
 
 Event = dict[str, Any]
 
@@ -33,6 +34,7 @@ class Child:
 
     def __init__(self, module: str, job: dict[str, Any]) -> None:
         self._module = module
+        self._deadline: threading.Timer | None = None
         self._words = tempfile.TemporaryFile(mode="w+", errors="replace")
         self._process = subprocess.Popen(
             [sys.executable, "-m", module],
@@ -62,9 +64,18 @@ class Child:
         if code != 0:
             raise ChildError(self._obituary(code))
 
+    @property
+    def told_to_end(self) -> bool:
+        """Whether `terminate` has been called while it ran."""
+        return self._deadline is not None
+
     def terminate(self) -> None:
-        """Ask it to save and end; `events` go on until it has."""
+        """Ask it to save and end; `events` go on until it has, or its time is over and it is killed."""
         if self._process.poll() is None:
+            if self._deadline is None:
+                self._deadline = threading.Timer(PATIENCE, self._process.kill)
+                self._deadline.daemon = True
+                self._deadline.start()
             self._process.terminate()
 
     def stop(self) -> Event | None:
@@ -84,6 +95,8 @@ class Child:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        if self._deadline:
+            self._deadline.cancel()
         self._process.stdout.close()
         self._words.close()
 
@@ -98,6 +111,6 @@ class Child:
         self._words.seek(0)
         words = [line.strip() for line in self._words.read().splitlines() if line.strip()]
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
-        hint = " (out of memory, perhaps: try a smaller render.skip.chunk)" if code == -signal.SIGKILL else ""
+        hint = " (out of memory, perhaps: try a smaller render.skip.chunk)" if code == -signal.SIGKILL and not self.told_to_end else ""
         last = f', its last words: "{words[-1][:300]}"' if words else ""
         return f"expected {self._module} to finish, but it {how}{hint}{last}: the same command goes on from its last checkpoint"

@@ -13,6 +13,10 @@ class OptimizeError(RuntimeError):
     """The field could not be optimised; the text is one sentence with the way out."""
 
 
+class OptimizeInterrupted(OptimizeError):
+    """What the process needed did not answer; another try may find it (tasks/retries.py)."""
+
+
 class OptimizeStopped(OptimizeError):
     """Somebody else has stopped the process; nothing is lost."""
 
@@ -20,7 +24,7 @@ class OptimizeStopped(OptimizeError):
 def optimize(work: Work) -> Made:
     """Start the child, listen, and whatever happens here leave none behind.
 
-    Raises: OptimizeError, OptimizeStopped, ChildError.
+    Raises: OptimizeError, OptimizeInterrupted, OptimizeStopped, ChildError.
     """
     child = Child(WORKER, _job(work))
     last: Event = {"event": "silent"}
@@ -28,8 +32,10 @@ def optimize(work: Work) -> Made:
         with work.place.stop.on_request(child.terminate):
             for last in child.events():
                 work.place.report(last)
-    except ChildError:
+    except ChildError as error:
         if last["event"] != "failed":
+            if child.told_to_end:  # nobody wants another try
+                raise OptimizeStopped(str(error)) from None
             raise
     except BaseException:
         work.place.report(child.stop() or last)
@@ -55,7 +61,7 @@ def _made(last: Event) -> Made:
     if last["event"] == "done":
         return Made(tuple(ArtifactRef.from_json(ref) for ref in last["outputs"]), last["values"], last["seconds"])
     if last["event"] == "failed":
-        raise OptimizeError(last["text"])
+        raise (OptimizeInterrupted if last["passing"] else OptimizeError)(last["text"])
     if last["event"] == "stopped":
         raise OptimizeStopped("expected the optimisation to finish, but its process was told to stop: the same command goes on from there")
     raise ChildError(

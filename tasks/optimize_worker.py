@@ -58,7 +58,7 @@ class Warnings(logging.Handler):
 
 
 class Previews:
-    """A picture on disk, renewed now and then while the field takes shape."""
+    """A picture on disk, renewed now and then while the field takes shape; one that cannot be written is told of, and is the last."""
 
     def __init__(self, path: Path | None, tell: Speech) -> None:
         self._path, self._tell = path, tell
@@ -70,9 +70,15 @@ class Previews:
         if begun < self._due or self._path is None:
             return
         from dreamfields_core.rendering.pictures import png
+        from storage.errors import StorageError
         from storage.local import write_file
 
-        write_file(self._path, png(dreamer.program.preview(dreamer.state)))
+        try:
+            write_file(self._path, png(dreamer.program.preview(dreamer.state)))
+        except StorageError as error:
+            self._due = float("inf")
+            self._tell("note", text=f"no more previews: {error}")
+            return
         now = time.monotonic()
         self._due = now + max(PREVIEW_SECONDS, 20 * (now - begun))
         self._tell("preview", path=str(self._path))
@@ -96,7 +102,9 @@ def main() -> int:
     try:
         _optimize(job, tell, stop, ready)
     except Exception as error:
-        tell("failed", kind=type(error).__name__, text=str(error) or type(error).__name__)
+        from tasks.retries import is_passing
+
+        tell("failed", passing=is_passing(error), text=str(error) or type(error).__name__)
         return 1
     return 0
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from storage.errors import StoreUnreachable
 from storage.published import NoNetwork
 from tasks.child import ChildError
+from tasks.optimize import OptimizeInterrupted
 
 DELAYS = (10.0, 60.0)
 """Seconds before the second try and the third, the last."""
-PASSING = (StoreUnreachable, NoNetwork, ChildError, ConnectionError, TimeoutError)
+PASSING = (StoreUnreachable, NoNetwork, ChildError, OptimizeInterrupted, ConnectionError, TimeoutError)
 
 
 def is_passing(error: object) -> bool:
