@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -87,8 +88,14 @@ def make_object(
     dreamt = conduct(OPTIMIZE, text_embedding=words.output("text_embedding.npy"), guide=guide.digest)
     field = dreamt.output("field.safetensors")
     rendering = None if score_only else conduct.start(RENDER, field=field, caption=caption)
-    views = conduct(VIEWS, field=field, size=config.evaluate.size or judge.image_size)
-    mesh = None if score_only else conduct(MESH, field=field, caption=caption, guide=guide.digest)
+    try:
+        views = conduct(VIEWS, field=field, size=config.evaluate.size or judge.image_size)
+        mesh = None if score_only else conduct(MESH, field=field, caption=caption, guide=guide.digest)
+    except Exception:
+        if rendering:  # it would go on beside the next object, or crash an interpreter that ends
+            with suppress(Exception):
+                rendering()
+        raise
     pictures = rendering() if rendering else None
     glimpses, glb = dreamt.output("glimpses.npz"), mesh.output("mesh.glb") if mesh else None
     made = Remains(caption, field, views.output("views.npz"), glimpses, glb, pool)
