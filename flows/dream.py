@@ -15,10 +15,11 @@ from flows.order import take_order
 from flows.page import Progress, show_result
 from flows.result import fulfil
 from storage.store import open_store
-from tasks.conducted import as_task, fresh, record_of
+from tasks.conducted import as_task, is_done, record_of
 from tasks.step import Done, Input, Place, Step
 
 Caption = Annotated[str, Field(min_length=1, max_length=LONGEST, description='What to dream, for instance "a red mushroom".')]
+Candidate = Annotated[str, Field(min_length=1, description="As retrieval writes a caption, which may be longer than what is dreamed.")]
 Preset = Literal["draft", "low", "medium", "high"]
 Seed = Annotated[int, Field(ge=0, lt=2**32)]
 Setting = Annotated[str, Field(pattern=r"^[a-z_.]+=.+$", description="part.key=value, as `dreamfields settings` lists them")]
@@ -34,7 +35,7 @@ def dream(
     settings: list[Setting] | None = None,
     store: str | None = None,
     out: str = "dreams",
-    among: list[Caption] | None = None,
+    among: list[Candidate] | None = None,
     judges: list[str] | None = None,
     score_only: bool = False,
 ) -> dict[str, Any]:
@@ -95,4 +96,4 @@ class ByPrefect:
         return ByPrefect(self._place, config)
 
     def _task(self, step: Step, inputs: dict[str, Input]) -> tuple[Any, bool]:
-        return fresh(as_task(step, self._place), step, self._place, self._config, inputs)
+        return as_task(step, self._place), is_done(step, self._place, self._config, inputs)

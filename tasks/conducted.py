@@ -1,5 +1,6 @@
 """A step as a Prefect task. Prefect is given the step's key as its cache key, and the store's record, as JSON, as its result;
-whether a step is done is asked of the store alone, so that a lost file is a miss and a wiped database loses no work.
+whether a step is done is asked of the store alone, never of Prefect's cache: a lost file is a miss, another store another answer, and a
+wiped database loses no work.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ def as_task(step: Step, place: Place) -> Task[..., TaskResult]:
     @task(
         name=step.name,
         cache_key_fn=cache_key,
+        refresh_cache=True,
         persist_result=True,
         result_serializer="json",
         retries=len(DELAYS),
@@ -47,12 +49,9 @@ def _try_again(task: Any, run: Any, state: State) -> bool:
     return is_passing(state.data)
 
 
-def fresh(
-    task: Task[..., TaskResult], step: Step, place: Place, config: DreamConfig, inputs: Mapping[str, Input]
-) -> tuple[Task[..., TaskResult], bool]:
-    """The task, told not to trust Prefect's cache where the store does not have the step whole; and whether it has."""
-    known = find_record(place.store, step.name, key_of(step, config, inputs)) is not None
-    return (task if known else task.with_options(refresh_cache=True)), known
+def is_done(step: Step, place: Place, config: DreamConfig, inputs: Mapping[str, Input]) -> bool:
+    """Whether the store has the step whole."""
+    return find_record(place.store, step.name, key_of(step, config, inputs)) is not None
 
 
 def record_of(result: TaskResult) -> StepRecord:

@@ -14,11 +14,12 @@ from prefect.flows import load_flow_from_entrypoint
 from prefect.states import State
 from prefect.testing.utilities import prefect_test_harness
 
+from dreamfields_core.captions import LONGEST, normalize
 from dreamfields_core.config import DreamConfig
 from flows.dream import dream
 from storage.store import open_store
-from tasks.conducted import as_task, fresh
-from tasks.step import Made, Place, Step, Work
+from tasks.conducted import as_task, is_done, record_of
+from tasks.step import Made, Place, Step, Work, perform
 from tests.flows.conftest import CAPTION, Dreams
 from tests.tasks.processes import REPO
 from tests.tasks.tiny import SETTINGS
@@ -43,8 +44,9 @@ def test_a_lost_artifact_is_a_miss_for_prefect_too(tmp_path: Path) -> None:
 
     @flow
     def kitchen() -> State:
-        task, known = fresh(as_task(step, place), step, place, config, {"what": "soup"})
-        states.append((known, task(config, {"what": "soup"}, return_state=True).name))
+        known = is_done(step, place, config, {"what": "soup"})
+        cooking: State = as_task(step, place)(config, {"what": "soup"}, return_state=True)  # type: ignore[assignment]
+        states.append((known, str(cooking.name)))
         return None  # type: ignore[return-value]
 
     states: list[tuple[bool, str]] = []
@@ -54,6 +56,28 @@ def test_a_lost_artifact_is_a_miss_for_prefect_too(tmp_path: Path) -> None:
     kitchen()
     kitchen()
     assert states == [(False, "Completed"), (True, "Cached"), (False, "Completed"), (True, "Cached")]
+
+
+@pytest.mark.usefixtures("server")
+def test_each_store_answers_for_itself(tmp_path: Path) -> None:
+    cooked: list[str] = []
+
+    def improvise(work: Work) -> Made:
+        cooked.append("dish")
+        return Made((work.keep("dish.txt", f"{work.text('what')} {len(cooked)}".encode(), "text/plain"),))
+
+    step, config, inputs = Step("improvise", 1, ("mesh",), improvise), DreamConfig(), {"what": "soup"}
+    one, other = (Place(open_store(tmp_path / name)) for name in ("one", "other"))
+
+    @flow
+    def kitchen() -> None:
+        first = record_of(as_task(step, one)(config, inputs))
+        theirs = perform(step, other, config, inputs).record
+        assert record_of(as_task(step, other)(config, inputs)) == theirs != first
+        assert record_of(as_task(step, one)(config, inputs)) == first
+
+    kitchen()
+    assert len(cooked) == 2
 
 
 @pytest.mark.usefixtures("server")
@@ -81,6 +105,11 @@ def test_what_the_plain_command_made_is_there_for_the_flow(again: Dreams) -> Non
 def test_parameters_are_refused_before_a_run(wrong: dict) -> None:
     with pytest.raises((ParameterTypeError, TypeError)):
         dream.validate_parameters(wrong) if "caption" in wrong else dream(**wrong)
+
+
+def test_captions_to_choose_from_may_be_longer_than_what_is_dreamed() -> None:
+    candidates = [normalize("a" * LONGEST), normalize("İ" * LONGEST)]
+    assert dream.validate_parameters({"caption": CAPTION, "among": candidates})["among"] == candidates
 
 
 def test_the_deployments_lead_to_flows() -> None:
