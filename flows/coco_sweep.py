@@ -123,5 +123,5 @@ def one_by_one(plan: Plan, cells: Sequence[Cell]) -> dict[str, str]:
         get_run_logger().error("%s: %s", cell.name, text)
         errors[cell.key or ""] = text
 
-    run_cells(cells, lambda cell: dream.with_options(flow_run_name=cell.name)(**cell.parameters), failed)
+    run_cells(cells, lambda cell: dream.with_options(flow_run_name=cell.run_name)(**cell.parameters), failed)
     return errors

@@ -6,7 +6,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from dreamfields_core import captions, presets
 from dreamfields_core.config import DreamConfig, override, validate
@@ -40,6 +39,11 @@ class Order:
     score_only: bool = False
 
     @property
+    def key(self) -> str:
+        """Under which the store knows the dream."""
+        return dream_key(self.caption, self.config, self.among)
+
+    @property
     def config_digest(self) -> str:
         """sha256 of the configuration as canonical JSON."""
         return json_digest(self.config.model_dump(mode="json"))
@@ -66,7 +70,7 @@ def take_order(
     """
     caption = captions.check(caption)
     config = settle(preset, seed=seed, guidance=guidance, judge=judge, settings=settings)
-    check_encoders(config, judge_is_stated=states_judge(judge, settings))
+    check_encoders(config, judge_is_stated=states_judge(judge, settings), judges=judges)
     order = order_of(
         caption,
         preset=preset,
@@ -94,13 +98,18 @@ def order_of(
 ) -> Order:
     """The order for a caption and models that have been checked; nothing is touched. Raises: EncoderError."""
     unknown = unknown_words(config.guidance.name, caption)
-    folder = out / folder_name(caption, config.model_dump(mode="json"))
+    folder = out / folder_name(caption, dream_key(caption, config, among))
     return Order(caption, preset, config, store, folder, unknown, tuple(among), tuple(judges), score_only)
 
 
-def folder_name(caption: str, config: dict[str, Any]) -> str:
-    """Of the run's own folder among the others."""
-    return f"{plain_name(caption)}-{json_digest([captions.normalize(caption), config])[:8]}"
+def dream_key(caption: str, config: DreamConfig, among: Sequence[str] = ()) -> str:
+    """Under which the store knows the dream, before and after it is dreamed."""
+    return json_digest([caption, config.model_dump(mode="json"), *([list(among)] if among else [])])
+
+
+def folder_name(caption: str, key: str) -> str:
+    """Of the run's own folder among the others; another dream has another."""
+    return f"{plain_name(caption)}-{key[:8]}"
 
 
 def settle(
@@ -131,9 +140,9 @@ def states_judge(judge: str | None, settings: Sequence[str]) -> bool:
     return judge is not None or any(setting.strip().startswith("evaluate.judge") for setting in settings)
 
 
-def check_encoders(config: DreamConfig, *, judge_is_stated: bool) -> None:
-    """Whether both models are there and the judge is another than the guide. Raises: EncoderError, OrderError."""
-    guide, judge = card(config.guidance.name), card(config.evaluate.judge)
+def check_encoders(config: DreamConfig, *, judge_is_stated: bool, judges: Sequence[str] = ()) -> None:
+    """Whether both models are there, and further judges, and the judge is another than the guide. Raises: EncoderError, OrderError."""
+    guide, judge, *_ = map(card, (config.guidance.name, config.evaluate.judge, *judges))
     if guide.shares_weights(judge) and not judge_is_stated:
         raise OrderError(
             f'the dream would be judged by "{judge.name}", which guides it: '

@@ -11,7 +11,6 @@ from flows.recipe import STEPS, Conductor, Dream, make_object
 from flows.view import VIEW, view_page
 from storage.artifacts import ArtifactRef, export, get_artifact
 from storage.contract import Store
-from storage.digests import json_digest
 from storage.local import write_file
 from storage.steps import StepRecord, find_record, put_record
 from tasks.encoders import card
@@ -96,7 +95,7 @@ def _record(order: Order, dream: Dream, result: dict[str, Any]) -> StepRecord:
     return StepRecord(
         step=WHOLE if dream.mesh else SCORED,
         version=1,
-        key=dream_key(order),
+        key=order.key,
         config=result["config"],
         inputs={"caption": order.caption},
         code_version=result["code_version"],
@@ -106,25 +105,20 @@ def _record(order: Order, dream: Dream, result: dict[str, Any]) -> StepRecord:
     )
 
 
-def dream_key(order: Order) -> str:
-    """Under which the store knows the dream, before and after it is dreamed."""
-    return json_digest([order.caption, order.config.model_dump(mode="json"), *([list(order.among)] if order.among else [])])
-
-
 def find_dream(store: Store, order: Order) -> StepRecord | None:
     """The record of the dream, if all that is wanted is there and today's steps and models would give the same.
 
     Of an object store only the sizes of the files are asked: to prove their digests would be to download everything.
     """
     kinds, digests = (WHOLE, SCORED) if order.score_only else (WHOLE,), store.local_path("blobs") is not None
-    found = (find_record(store, kind, dream_key(order), digests=digests) for kind in kinds)
+    found = (find_record(store, kind, order.key, digests=digests) for kind in kinds)
     return next((record for record in found if record and _is_todays(record, order)), None)
 
 
 def find_made(store: Store, key: str, *, digests: bool = True) -> StepRecord | None:
-    """What there is of an object, with its mesh if it has one."""
+    """What was made of an object last, with its mesh if it has one; of the same second, the whole object."""
     found = (find_record(store, kind, key, digests=digests) for kind in (WHOLE, SCORED))
-    return next((record for record in found if record), None)
+    return max((record for record in found if record), key=lambda record: record.created, default=None)
 
 
 def _is_todays(record: StepRecord, order: Order) -> bool:

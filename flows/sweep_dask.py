@@ -32,7 +32,7 @@ def over_dask(cells: Sequence[Cell], *, workers: int, scheduler: str | None) -> 
         raise OrderError('expected prefect-dask, which is not installed: run `pip install "dreamfields[distributed]"`') from None
     here = {"n_workers": workers, "threads_per_worker": 1, "host": "127.0.0.1", "dashboard_address": None}
     runner: Any = DaskTaskRunner(address=scheduler) if scheduler else DaskTaskRunner(cluster_kwargs=here)
-    said = spread.with_options(task_runner=runner)([{**cell.parameters, "name": cell.name} for cell in cells])
+    said = spread.with_options(task_runner=runner)([{**cell.parameters, "name": cell.run_name} for cell in cells])
     return {cell.key or "": text for cell, text in zip(cells, said) if text}
 
 
@@ -58,7 +58,7 @@ def _try_again(task: Any, run: Any, state: State) -> bool:
 
 @task(name="object", persist_result=False, retries=len(DELAYS), retry_delay_seconds=list(DELAYS), retry_condition_fn=_try_again)
 def dream_object(parameters: dict[str, Any]) -> str:
-    """One object on a process of the cluster, through the same recipe; its key."""
+    """One object on a process of the cluster, through the same recipe; the digest of its configuration."""
     order = take_order(**{**parameters, **{name: parameters[name] or () for name in ("among", "judges")}, "out": Path(parameters["out"])})
     log = get_run_logger()
 

@@ -9,7 +9,6 @@ from flows.recipe import judged_by
 from flows.sweep_plan import Plan
 from flows.sweep_run import sentence
 from storage.artifacts import put_artifact
-from storage.contract import Store
 from tasks.caption_sets import understood
 from tasks.encoders import card
 from tasks.pools import keep_pool
@@ -28,7 +27,7 @@ def _scores(plan: Plan, place: Place) -> Iterator[dict[str, Any]]:
         return
     pool = keep_pool(place.store, plan.captions.pool)
     for caption in plan.captions.captions:
-        truth = _truth(plan, caption, place.store)
+        truth = _truth(plan, caption, place)
         if truth is None:
             continue
         inputs: dict[str, Input] = {"caption": caption, **truth, **({"pool": pool} if pool else {})}
@@ -46,9 +45,12 @@ def _scores(plan: Plan, place: Place) -> Iterator[dict[str, Any]]:
         }
 
 
-def _truth(plan: Plan, caption: str, store: Store) -> dict[str, Input] | None:
+def _truth(plan: Plan, caption: str, place: Place) -> dict[str, Input] | None:
     """The picture that was given, nothing more where the language tells it, None where there is no truth."""
     path = plan.captions.pictures.get(caption)
     if path is not None and path.is_file():
-        return {"picture": put_artifact(store, path.name, path.read_bytes(), "image/*")}
+        return {"picture": put_artifact(place.store, path.name, path.read_bytes(), "image/*")}
+    if path is not None:
+        text = f"expected the true picture of “{caption}” at {path}, found none: correct the path and run the sweep again"
+        place.report({"event": "note", "text": text})
     return {} if understood(caption) else None

@@ -9,7 +9,6 @@ from typing import Any
 
 from dreamfields_core.config import ConfigError, DreamConfig
 from flows.order import Order, OrderError, address_of, check_encoders, check_places, order_of, settle, states_judge
-from flows.result import dream_key
 from flows.slugs import plain_name
 from flows.tables import Table, load_table
 from flows.tables.types import Size
@@ -35,12 +34,17 @@ class Cell:
     @property
     def key(self) -> str | None:
         """Under which the store knows the dream."""
-        return dream_key(self.order) if self.order else None
+        return self.order.key if self.order else None
 
     @property
     def name(self) -> str:
         """For people."""
         return f"{self.caption} ({self.variant}, seed {self.seed})"
+
+    @property
+    def run_name(self) -> str:
+        """The same for Prefect, which takes a name in braces for that of a parameter."""
+        return self.name.replace("{", "{{").replace("}", "}}")
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ def plan_sweep(
         own = [*settings, *changes]
         for seed in seeds:
             config = _settled(variant, preset, seed=seed, guidance=guidance, judge=shared["judge"], settings=own)
-            check_encoders(config, judge_is_stated=states_judge(shared["judge"], own))
+            check_encoders(config, judge_is_stated=states_judge(shared["judge"], own), judges=judges[1:])
             parameters = {**shared, "seed": seed, "settings": own}
             cells += [_cell(variant, config, {**parameters, "caption": caption}) for caption in captions.captions]
     name = "-".join([plain_name(captions.name), *([plain_name(table)] if table else []), preset])

@@ -44,16 +44,19 @@ def through_pool(plan: Plan, cells: Sequence[Cell]) -> dict[str, str]:
 
 
 def _wait(client: SyncPrefectClient, waiting: dict[UUID, Cell]) -> dict[str, str]:
-    """Until each run has ended, one way or the other."""
+    """Until each run has ended, one way or the other; one that somebody has deleted has ended too."""
     errors: dict[str, str] = {}
     while waiting:
+        deleted = set(waiting)
         for run in _runs(client, list(waiting)):
+            deleted.discard(run.id)
             if run.state is None or not run.state.is_final():
                 continue
             cell = waiting.pop(run.id)
             if not run.state.is_completed():
                 errors[cell.key or ""] = f"{run.state.name}: {run.state.message or 'without a word'}"
             get_run_logger().info("%s: %s, %d to go", cell.name, run.state.name, len(waiting))
+        errors |= {waiting.pop(run).key or "": "its run was deleted before it had ended: run the sweep again" for run in deleted}
         time.sleep(SECONDS)
     return errors
 

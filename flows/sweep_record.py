@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from flows.sweep_plan import Cell, Plan
 from storage.artifacts import ArtifactRef, export
 from storage.contract import Store
 from storage.digests import json_digest
+from storage.errors import DamagedArtifact, MissingArtifact
 from storage.steps import StepRecord, find_record, put_record
 from tasks.version import code_version
 
@@ -39,10 +41,19 @@ def missing(plan: Plan, store: Store) -> list[Cell]:
     return [cell for cell in plan.cells if cell.order and find_dream(store, cell.order) is None]
 
 
-def keep_sweep(plan: Plan, store: Store, errors: Mapping[str, str] | None = None, oracle: Sequence[dict[str, Any]] = ()) -> StepRecord:
-    """Write down who belongs to the sweep; errors: by key, the sentences of those that failed. oracle: scores of true pictures."""
-    said = errors or {}
-    members = [vars(Member(cell.variant, cell.caption, cell.seed, cell.key, cell.error or said.get(cell.key or ""))) for cell in plan.cells]
+def keep_sweep(
+    plan: Plan, store: Store, errors: Mapping[str, str] | None = None, oracle: Sequence[dict[str, Any]] | None = None
+) -> StepRecord:
+    """Write down who belongs to the sweep.
+
+    Args:
+      errors: by key, the sentences of those that failed; None leaves what was written down before.
+      oracle: scores of true pictures; None leaves those of before.
+    """
+    before = find_record(store, "sweep", sweep_key(plan.name))
+    said = errors if errors is not None else {one.key: one.error for one in members(before) if one.key and one.error} if before else {}
+    pictures = oracle if oracle is not None else before.values["oracle"] if before else ()
+    entries = [vars(Member(cell.variant, cell.caption, cell.seed, cell.key, cell.error or said.get(cell.key or ""))) for cell in plan.cells]
     return put_record(
         store,
         StepRecord(
@@ -57,8 +68,8 @@ def keep_sweep(plan: Plan, store: Store, errors: Mapping[str, str] | None = None
                 "table": plan.table.name if plan.table else None,
                 "preset": plan.preset,
                 "judges": list(plan.judges),
-                "entries": members,
-                "oracle": list(oracle),
+                "entries": entries,
+                "oracle": list(pictures),
             },
         ),
     )
@@ -91,14 +102,16 @@ def entries(record: StepRecord, store: Store, out: Path) -> Iterator[Entry]:
         if found is None or (found.step == SCORED and member.error):
             yield Entry(member.variant, member.caption, member.seed, error=member.error or "not dreamed yet")
         else:
-            files = lay_out(found, store, out, folder_name(member.caption, found.config))
+            files = lay_out(found, store, out, folder_name(member.caption, found.key))
             yield Entry(member.variant, member.caption, member.seed, told(found, store), files=files, history=read_history(found, store))
 
 
 def truths(record: StepRecord, store: Store, out: Path) -> Iterator[Entry]:
-    """The row of true pictures."""
+    """The row of true pictures; one that the store has lost costs its picture only."""
     for truth in record.values["oracle"]:
         ref = ArtifactRef.from_json(truth["poster"])
-        path = Path(TRUTHS, f"{plain_name(truth['caption'])}-{ref.sha256[:8]}.webp")
-        export(store, ref, out / path)
-        yield Entry(TRUTHS, truth["caption"], 0, {"scores": truth["scores"]}, files={POSTER: path.as_posix()})
+        path, files = Path(TRUTHS, f"{plain_name(truth['caption'])}-{ref.sha256[:8]}.webp"), {}
+        with suppress(MissingArtifact, DamagedArtifact):
+            export(store, ref, out / path)
+            files[POSTER] = path.as_posix()
+        yield Entry(TRUTHS, truth["caption"], 0, {"scores": truth["scores"]}, files=files)

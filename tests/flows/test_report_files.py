@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from flows.report import lay_out, read_history, show_report, write_page
 from flows.result import find_made
 from storage.artifacts import get_artifact
 from storage.contract import Store
-from storage.steps import StepRecord
+from storage.steps import StepRecord, put_record
 from storage.store import open_store
 from tests.flows.swept import SIDE, STEPS, keep_dream, keep_scored
 from tests.reporting.objects import JUDGE, entry, result
@@ -106,6 +107,12 @@ def test_an_object_with_a_mesh_is_preferred_to_its_score(store: Store) -> None:
     assert find_made(store, scored.key) == scored
     whole = keep_dream(store, "a red mushroom", 0)
     assert whole.key == scored.key and find_made(store, scored.key) == whole
+
+
+def test_what_was_scored_later_than_the_mesh_is_what_counts(store: Store) -> None:
+    whole = keep_dream(store, "a red mushroom", 0)
+    later = put_record(store, replace(keep_scored(store, "a red mushroom", 0, rank=7), created="2999-01-01T00:00:00+00:00"))
+    assert find_made(store, whole.key) == later
 
 
 def test_the_page_is_written_whole(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +10,19 @@ import pytest
 from prefect.exceptions import ParameterTypeError
 
 from dreamfields_core.config import ConfigError
+from flows import sweep_oracle, sweep_plan
 from flows.coco_sweep import coco_sweep
-from flows.order import OrderError
-from flows.result import dream_key
+from flows.order import OrderError, dream_key, take_order
 from flows.sweep_plan import PLAIN, listed, plan_sweep, seeds_of
-from flows.sweep_record import entries, keep_sweep, members, missing, sweeps
+from flows.sweep_record import TRUTHS, entries, keep_sweep, members, missing, sweeps
 from flows.tables import TableError, load_table
+from flows.tables.types import Column
+from storage.artifacts import put_artifact
 from storage.steps import StepRecord, put_record
 from storage.store import open_store
 from tasks.caption_sets import captions_from
+from tasks.encoders import EncoderError
+from tasks.step import Place
 from tests.tasks.tiny import SETTINGS
 
 
@@ -90,7 +95,8 @@ def test_the_key_tells_captions_judged_in_a_set_of_their_own(lines: str, tmp_pat
     assert among.parameters["among"] == ["a red mushroom.", "xyzzy.", "a blue house."]
     (tmp_path / "spoken.txt").write_text("a red mushroom\n")
     alone = plan(str(tmp_path / "spoken.txt"), tmp_path).cells[0]
-    assert alone.parameters["among"] is None and among.key != alone.key == dream_key(alone.order)
+    assert alone.parameters["among"] is None and among.key != alone.key == dream_key(alone.caption, alone.order.config)
+    assert among.order.folder != alone.order.folder, "two dreams would write into one folder"
 
 
 @pytest.mark.parametrize(
@@ -109,6 +115,50 @@ def test_the_key_tells_captions_judged_in_a_set_of_their_own(lines: str, tmp_pat
 def test_what_concerns_all_refuses_the_whole(wishes: dict, kind: type[Exception], sentence: str, tmp_path: Path) -> None:
     with pytest.raises(kind, match=sentence):
         plan("embedded:2", tmp_path, **wishes)
+
+
+def test_further_judges_are_looked_up_before_anything_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(EncoderError, match="an image-text model among"):
+        take_order("a red mushroom", out=tmp_path / "out", judges=("clip-vit-b61",))
+    assert not (tmp_path / "out").exists()
+    table = load_table("cameras")
+    unknown = Column("another", {"paper": "clip-vit-b61", "draft": "clip-vit-b61"})
+    monkeypatch.setattr(sweep_plan, "load_table", lambda name: replace(table, columns=(*table.columns, unknown)))
+    with pytest.raises(EncoderError, match="an image-text model among"):
+        plan(None, tmp_path, table="cameras")
+
+
+def test_begun_again_a_sweep_keeps_what_was_written_down_until_there_is_more(lines: str, tmp_path: Path) -> None:
+    found = plan(lines, tmp_path)
+    store, key = open_store(found.store), str(found.cells[0].key)
+    truth = {"caption": "a red mushroom", "scores": {}, "poster": {}}
+    keep_sweep(found, store, {key: "the lamp went out"}, [truth])
+    again = keep_sweep(found, store)
+    assert members(again)[0].error == "the lamp went out" and again.values["oracle"] == [truth]
+    ended = keep_sweep(found, store, {}, [])
+    assert members(ended)[0].error is None and ended.values["oracle"] == [] and "words" in str(members(ended)[1].error)
+
+
+def test_a_lost_picture_costs_no_report(lines: str, tmp_path: Path) -> None:
+    found = plan(lines, tmp_path)
+    store = open_store(found.store)
+    kept, lost = (put_artifact(store, "poster.webp", data, "image/webp") for data in (b"kept", b"lost"))
+    oracle = [{"caption": ref.name, "scores": {}, "poster": ref.to_json()} for ref in (lost, kept)]
+    store.delete(lost.key)
+    shown = list(entries(keep_sweep(found, store, {}, oracle), store, tmp_path))
+    assert [(entry.variant, len(entry.files)) for entry in shown[:2]] == [(TRUTHS, 0), (TRUTHS, 1)] and len(shown) == 5
+
+
+def test_a_true_picture_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def perform(*arguments: Any) -> None:
+        raise ValueError("no judge today")
+
+    monkeypatch.setattr(sweep_oracle, "perform", perform)
+    (tmp_path / "captions.csv").write_text("caption,picture\na red mushroom,\nxyzzy,gone.png\n")
+    told: list[str] = []
+    place = Place(open_store(tmp_path / "store"), lambda event: told.append(event["text"]))
+    assert sweep_oracle.oracle_of(plan(str(tmp_path / "captions.csv"), tmp_path), place) == []
+    assert len(told) == 2 and "no judge today" in told[0] and "“xyzzy”" in told[1] and "gone.png, found none" in told[1]
 
 
 def test_no_captions_at_all_says_what_to_write(tmp_path: Path) -> None:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from uuid import UUID, uuid4
 
 import pytest
+from prefect.client.schemas.objects import FlowRun
+from prefect.states import Completed
 
 from dreamfields_core.captions import CaptionError
+from flows import coco_sweep, sweep_pool
 from flows.sweep_plan import Cell
 from flows.sweep_run import persistently, run_cells
 from storage.errors import StorageFull, StoreUnreachable
 from tasks.child import ChildError
 from tasks.encoders import EncoderError
-from tasks.optimize import OptimizeError, OptimizeStopped
+from tasks.optimize import OptimizeError, OptimizeInterrupted, OptimizeStopped
 from tasks.retries import is_passing
 
 CELLS = [Cell("v", caption, 0, {}) for caption in ("one", "two", "three")]
@@ -60,6 +66,7 @@ def wrapped(cause: Exception) -> Exception:
         (wrapped(ValueError()), False),
         (CaptionError("empty"), False),
         (OptimizeError("not finite"), False),
+        (OptimizeInterrupted("the store did not answer"), True),
         (OptimizeStopped("told to stop"), False),
         (StorageFull("no room"), False),
         (FileNotFoundError(), False),
@@ -98,3 +105,36 @@ def test_a_refusal_is_not_tried_again(tmp_path: Path) -> None:
     with pytest.raises(CaptionError):
         persistently(work, seen.append, delays=(0.0,))
     assert seen == ["call"]
+
+
+def test_braces_of_a_caption_are_no_parameters_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    names: list[str] = []
+
+    def with_options(*, flow_run_name: str) -> Any:
+        return lambda **parameters: names.append(flow_run_name.format(**parameters))  # as Prefect does it
+
+    monkeypatch.setattr(coco_sweep, "dream", SimpleNamespace(with_options=with_options))
+    cell = Cell("v", "a set {1, 2} of {caption}", 0, {"caption": "spoilt"})
+    assert coco_sweep.one_by_one(SimpleNamespace(), [cell]) == {}  # type: ignore[arg-type]
+    assert names == [cell.name]
+
+
+def test_a_run_that_somebody_deletes_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = {uuid4(): cell for cell in CELLS[:2]}
+    there, looks = dict.fromkeys(runs), 0
+
+    def read_flow_runs(flow_run_filter: Any, limit: int) -> list[FlowRun]:
+        nonlocal looks
+        looks += 1
+        assert looks < 5, "it would wait for ever"
+        if looks == 2:
+            there.pop(next(iter(runs)))
+        wanted: list[UUID] = flow_run_filter.id.any_
+        return [FlowRun(id=run, flow_id=uuid4(), state=Completed() if looks > 2 else None) for run in wanted if run in there]
+
+    monkeypatch.setattr(sweep_pool, "SECONDS", 0.0)
+    monkeypatch.setattr(sweep_pool, "get_run_logger", lambda: logging.getLogger("pool"))
+    monkeypatch.setattr(Cell, "key", property(lambda cell: cell.caption))
+    client: Any = SimpleNamespace(read_flow_runs=read_flow_runs)
+    errors = sweep_pool._wait(client, dict(runs))
+    assert list(errors) == ["one"] and "deleted" in errors["one"]
