@@ -8,11 +8,11 @@ A pull may be killed at any moment: no half file is ever visible, and the next p
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,18 +20,18 @@ from typing import Any
 
 from flows.exports import check_formats
 from flows.order import OrderError
-from flows.pull_object import ABOUT, SAFE, Wanted, about_bytes, bring, read_about, same_facts, wanted
+from flows.pull_folder import MANIFEST, gone, read_manifest, remove, said, write_manifest
+from flows.pull_object import ABOUT, Wanted, about_bytes, bring, read_about, same_facts, wanted
 from storage.contract import Store
 from storage.digests import json_digest
 from storage.errors import BadReference, DamagedArtifact, DamagedRecord, MissingArtifact
-from storage.local import make_folder, write_file
+from storage.local import explained, make_folder, write_file
 from storage.locks import flock
 from storage.mirror import mirrored
 from storage.sealed import unseal
 from storage.steps import StepRecord, find_record
 from storage.store import open_store
 
-MANIFEST = "manifest.json"
 RECORDS, STAGING, LOCK = ".records", ".staging", ".lock"
 AT_ONCE = 8
 """Objects fetched side by side."""
@@ -44,7 +44,7 @@ class Only:
     """Which dreams: all of what is said must hold.
 
     caption: text within the caption, case aside. min_score: least cosine by the dream's own judge, from the field.
-    since: made then or later. sweep: name of a sweep that the dream belongs to.
+    since: made then or later; UTC, unless it says otherwise. sweep: name of a sweep that the dream belongs to.
     """
 
     caption: str | None = None
@@ -81,8 +81,8 @@ def pull(
     """Bring the folder `to` up to date with the dreams of a store, each in a folder of its own, and write its manifest.
 
     formats: glb (with lighter levels of detail, where the dream has some), obj, ply, stl, usdz. also: further files of a dream by
-    name, turntable.mp4 for instance. prune: delete the folders of objects that the store no longer has.
-    What an earlier pull brought and this one does not ask for stays as it is.
+    name, turntable.mp4 for instance. prune: delete the folders of objects that the store no longer has, also those that an earlier
+    pull let stand. What an earlier pull brought and this one does not ask for stays as it is.
 
     Raises:
       OrderError: an unknown format or sweep, a store without dreams.
@@ -91,8 +91,10 @@ def pull(
     source = open_store(store) if isinstance(store, str) else store
     check_formats(formats)
     folder = Path(to)
-    make_folder(folder.absolute())
-    with flock(folder / LOCK):
+    with ExitStack() as held:
+        with explained(folder, 0):
+            make_folder(folder.absolute())
+            held.enter_context(flock(folder / LOCK))
         shutil.rmtree(folder / STAGING, ignore_errors=True)  # of a pull that was killed
         before, result = read_manifest(folder), Pulled(folder / MANIFEST)
         records, damaged = _records(source, folder)
@@ -103,8 +105,10 @@ def pull(
         chosen = select(records, source, only or Only())
         objects = dict(before)
         try:
-            for name in [name for name, about in before.items() if about["store"] == source.url and about["record"] not in records]:
-                _remove(folder / name, objects.pop(name), prune=prune)
+            for name, about in gone((said(folder) if prune else {}) | before, source, records, damaged):
+                objects.pop(name, None)
+                if prune:
+                    remove(folder / name, about)
                 result.removed.append(name)
                 told("removed", name)
             _bring_all(chosen, source, folder, objects, result, formats, also, told)
@@ -112,24 +116,6 @@ def pull(
             write_manifest(folder, objects)
             shutil.rmtree(folder / STAGING, ignore_errors=True)
     return result
-
-
-def read_manifest(folder: Path) -> dict[str, dict[str, Any]]:
-    """Name of an object -> its facts and files; empty where there is none."""
-    try:
-        return dict(json.loads((folder / MANIFEST).read_bytes())["objects"])
-    except FileNotFoundError:
-        return {}
-    except (ValueError, KeyError, TypeError):
-        raise OrderError(f"expected a manifest of a pull, got {folder / MANIFEST}: remove it, and pull again") from None
-
-
-def write_manifest(folder: Path, objects: dict[str, dict[str, Any]]) -> None:
-    """The same objects give the same bytes, whenever they were pulled."""
-    data = about_bytes({"manifest": 1, "objects": objects})
-    path = folder / MANIFEST
-    if not path.is_file() or path.read_bytes() != data:
-        write_file(path, data)
 
 
 def select(records: dict[str, StepRecord], store: Store, only: Only) -> list[StepRecord]:
@@ -143,7 +129,7 @@ def _fits(record: StepRecord, only: Only) -> bool:
         return False
     if only.seed is not None and record.values["seed"] != only.seed:
         return False
-    if only.since is not None and _moment(record.created) < only.since.astimezone(UTC):
+    if only.since is not None and _utc(datetime.fromisoformat(record.created)) < _utc(only.since):
         return False
     return only.min_score is None or _cosine(record) >= only.min_score
 
@@ -152,8 +138,8 @@ def _cosine(record: StepRecord) -> float:
     return float(record.values["scores"][record.values["encoders"]["judge"]["name"]]["cosine"])
 
 
-def _moment(created: str) -> datetime:
-    return datetime.fromisoformat(created).astimezone(UTC)
+def _utc(moment: datetime) -> datetime:
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
 def _records(store: Store, folder: Path) -> tuple[dict[str, StepRecord], dict[str, str]]:
@@ -169,7 +155,7 @@ def _records(store: Store, folder: Path) -> tuple[dict[str, StepRecord], dict[st
 
 
 def _of_sweep(store: Store, name: str) -> set[str]:
-    record = find_record(store, "sweep", json_digest(["sweep", name]))
+    record = find_record(store, "sweep", json_digest(["sweep", name]))  # as `sweep_record.sweep_key`, whose import takes seconds
     if record is None:
         raise OrderError(f'expected the name of a sweep in {store.url}, got "{name}": give the name of one that was run there')
     return {entry["key"] for entry in record.values["entries"]}
@@ -217,13 +203,3 @@ def _bring(want: Wanted, store: Store, folder: Path) -> tuple[str, dict[str, Any
         return "same", about, 0
     write_file(place / ABOUT, about_bytes({**want.facts, **kept}))
     return "changed", {**want.facts, **kept}, 0
-
-
-def _remove(place: Path, about: dict[str, Any], *, prune: bool) -> None:
-    """Our own files only; the folder goes when nothing else is in it."""
-    if not prune or not SAFE.fullmatch(place.name) or not place.is_dir():
-        return
-    for name in filter(SAFE.fullmatch, [*about["files"], ABOUT]):
-        (place / name).unlink(missing_ok=True)
-    if not any(place.iterdir()):
-        place.rmdir()

@@ -46,7 +46,7 @@ def pull_assets(
       caption: only captions with this text in them.
       seed: only this seed.
       min_score: only from this cosine on.
-      since: only what was made then or later.
+      since: only what was made then or later; UTC, unless it says otherwise.
       sweep: only the dreams of this sweep.
       prune: delete the files of objects that the store no longer has.
 

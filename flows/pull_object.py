@@ -16,7 +16,7 @@ from flows.slugs import slug
 from storage.artifacts import ArtifactRef, get_artifact
 from storage.contract import Store
 from storage.digests import json_digest, sha256_bytes, sha256_file
-from storage.errors import BadReference
+from storage.errors import BadReference, DamagedArtifact
 from storage.local import explained, make_folder, sync_folder, write_file
 from storage.steps import StepRecord
 
@@ -112,7 +112,8 @@ def bring(want: Wanted, store: Store, folder: Path, staging: Path) -> tuple[dict
     """Fetch, verify, and put into place; what the folder then says of itself, and how many bytes the store was asked for.
 
     A new folder appears at once, with all its files. In one that is there each file is replaced whole, and files of others
-    (an engine's, beside ours) are left alone. Raises: MissingArtifact, DamagedArtifact, StorageFull, StoreNotWritable.
+    (an engine's, beside ours) are left alone. Raises: MissingArtifact, DamagedArtifact (also where no other format can be made
+    of a mesh), StorageFull, StoreNotWritable.
     """
     files, moved = _fetch(want, store)
     about = {
@@ -142,7 +143,10 @@ def _fetch(want: Wanted, store: Store) -> tuple[dict[str, bytes], int]:
         return files, sum(map(len, files.values()))
     sources = {ref.name: files.get(ref.name) or get_artifact(store, ref) for ref in (want.mesh, *want.lighter)}
     moved = {**files, **sources}
-    return files | converted(sources, want.exports), sum(map(len, moved.values()))
+    try:
+        return files | converted(sources, want.exports), sum(map(len, moved.values()))
+    except ValueError as problem:  # a BadMesh, whose import takes seconds
+        raise DamagedArtifact(f"Expected a mesh to make {', '.join(want.exports)} of in {want.name}, but {problem}.") from problem
 
 
 def _publish(aside: Path, folder: Path, names: Sequence[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import time
 import urllib.request
@@ -12,10 +13,13 @@ from pathlib import Path
 import pytest
 
 from flows.order import OrderError
-from flows.pull import MANIFEST, Only, Pulled, pull
+from flows.pull import Only, Pulled, pull
+from flows.pull_folder import MANIFEST
 from flows.pull_object import ABOUT
+from flows.sweep_record import sweep_key
 from storage.contract import Entry, Store
 from storage.digests import json_digest, sha256_file
+from storage.errors import StoreNotWritable
 from storage.steps import StepRecord, put_record
 from storage.store import open_store
 from tests.flows.records import glb, keep_dream
@@ -186,6 +190,51 @@ def test_a_damaged_record_is_named(store: Store, to: Path) -> None:
     assert list(result.refused) == [f"artifacts/dream/{record.key}.json"] and "checksum" in next(iter(result.refused.values()))
 
 
+def test_a_record_that_cannot_be_read_is_not_taken_for_removed(store: Store, to: Path) -> None:
+    record = keep_dream(store)
+    (name,) = pull(store, to).added
+    before = files(to)
+    path = store.local_path(f"artifacts/dream/{record.key}.json")
+    assert path is not None
+    path.write_bytes(path.read_bytes().replace(b'"seed": 0', b'"seed": 1'))
+    for prune in (False, True):
+        result = pull(store, to, prune=prune)
+        assert counts(result) == (0, 0, 0, 0, 1) and name in objects(to) and files(to) == before
+
+
+def test_pruning_deletes_what_an_earlier_pull_let_stand(store: Store, to: Path, tmp_path: Path) -> None:
+    kept, gone = (keep_dream(store, seed=seed) for seed in range(2))
+    other = open_store(tmp_path / "other")
+    there = keep_dream(other, "from there")
+    pull(other, to)
+    pull(store, to)
+    name = next(name for name, about in objects(to).items() if about["record"] == gone.key)
+    shutil.copytree(to / name, to / "a-copy")
+    store.delete(f"artifacts/dream/{gone.key}.json")
+    assert pull(store, to).removed == [name] and (to / name).is_dir()
+    assert pull(store, to, prune=True).removed == [name] and not (to / name).exists()
+    assert (to / "a-copy" / "mesh.glb").is_file(), "somebody's own"
+    assert {about["record"] for about in objects(to).values()} == {kept.key, there.key}
+    assert pull(store, to, prune=True).removed == []
+    assert_whole(to)
+
+
+def test_a_mesh_that_cannot_be_read_is_refused_and_the_others_come(store: Store, to: Path) -> None:
+    good, bad = keep_dream(store, "a good one", mesh=glb()), keep_dream(store, "a bad one", mesh=b"no mesh")
+    result = pull(store, to, formats=["stl"])
+    (name,) = result.refused
+    assert name.endswith(bad.key[:12]) and "a mesh to make stl of" in result.refused[name] and "\n" not in result.refused[name]
+    assert [about["record"] for about in objects(to).values()] == [good.key]
+
+
+def test_a_file_where_the_folder_should_be_is_one_sentence(store: Store, to: Path) -> None:
+    keep_dream(store)
+    to.write_text("a file")
+    for folder in (to, to / "assets"):
+        with pytest.raises(StoreNotWritable, match="choose a folder"):
+            pull(store, folder)
+
+
 @pytest.mark.parametrize("damage", ["flip", "delete", "about"])
 def test_what_was_damaged_in_the_folder_is_brought_again(store: Store, to: Path, damage: str) -> None:
     keep_dream(store)
@@ -206,7 +255,7 @@ def test_filters(store: Store, to: Path) -> None:
     early = keep_dream(store, "A Red Mushroom", seed=1, cosine=0.1)
     late = keep_dream(store, "a red mug", seed=2, cosine=0.4, created="2026-11-21T08:00:00+00:00")
     members = [{"variant": "", "caption": "a red mug", "seed": 2, "key": late.key, "error": None}, {"key": None}]
-    put_record(store, StepRecord(step="sweep", version=1, key=json_digest(["sweep", "mugs"]), values={"name": "mugs", "entries": members}))
+    put_record(store, StepRecord(step="sweep", version=1, key=sweep_key("mugs"), values={"name": "mugs", "entries": members}))
 
     def found(**only: object) -> set[str]:
         target = to / json_digest(str(only))[:8]
@@ -220,6 +269,18 @@ def test_filters(store: Store, to: Path) -> None:
     assert found(caption="mushroom", seed=2) == set()
     with pytest.raises(OrderError, match='got "rugs"'):
         found(sweep="rugs")
+
+
+def test_a_moment_without_a_zone_is_utc(store: Store, to: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    keep_dream(store, created="2026-11-21T08:00:00+00:00")
+    monkeypatch.setenv("TZ", "America/New_York")
+    time.tzset()
+    try:
+        assert len(pull(store, to, only=Only(since=datetime(2026, 11, 21, 7))).added) == 1
+        assert counts(pull(store, to, only=Only(since=datetime(2026, 11, 21, 9)))) == (0, 0, 0, 0, 0)
+    finally:
+        monkeypatch.undo()
+        time.tzset()
 
 
 def test_a_narrower_pull_leaves_what_a_wider_one_brought(store: Store, to: Path) -> None:
