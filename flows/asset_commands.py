@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from flows.order import STORE_VARIABLE, OrderError
+from flows.order import OrderError, address_of
 from storage.errors import StorageError
 
 MeshSettings = Annotated[list[str] | None, typer.Option("--set", metavar="mesh.KEY=VALUE", help="Change a setting; may be repeated.")]
 Formats = Annotated[list[str] | None, typer.Option("--format", help="glb (the default), obj, ply, stl or usdz; may be repeated.")]
-StoreOption = Annotated[str | None, typer.Option(help="Folder or s3://bucket/prefix; $DREAMFIELDS_STORE, else dreams/store.")]
+ADDRESS = "Folder or s3://bucket/prefix"
 
 
 class Refused(StorageError):
@@ -27,10 +26,8 @@ def mesh(
     texture: Annotated[int | None, typer.Option(help="Side of the texture in texels; 0 for colours of the vertices only.")] = None,
     formats: Formats = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the files; by default one named after the dream.")] = None,
-    store: StoreOption = None,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="mesh.KEY=VALUE", help="Change a setting; may be repeated.")
-    ] = None,
+    store: Annotated[str | None, typer.Option(help=f"{ADDRESS}; of a folder, its own; $DREAMFIELDS_STORE, else dreams/store.")] = None,
+    settings: MeshSettings = None,
 ) -> None:
     """Mesh a stored dream again with other settings; it is not dreamed again."""
     from flows.remesh import remesh
@@ -40,7 +37,7 @@ def mesh(
         changes.append(f"mesh.faces={faces}")
     if texture is not None:
         changes.append(f"mesh.texture={texture or 'null'}")
-    for path in remesh(run, store=_store(store), formats=formats or ["glb"], settings=changes, out=out):
+    for path in remesh(run, store=store, formats=formats or ["glb"], settings=changes, out=out):
         typer.echo(path)
 
 
@@ -54,7 +51,7 @@ def pull(
     since: Annotated[str | None, typer.Option(metavar="DATE", help="Only what was made then or later, such as 2026-11-21 (UTC).")] = None,
     sweep: Annotated[str | None, typer.Option(help="Only the dreams of this sweep.")] = None,
     prune: Annotated[bool, typer.Option("--prune", help="Delete the files of objects that the store no longer has.")] = False,
-    store: StoreOption = None,
+    store: Annotated[str | None, typer.Option(help=f"{ADDRESS}; $DREAMFIELDS_STORE, else dreams/store.")] = None,
 ) -> None:
     """Bring a folder up to date with the dreams of a store: verified by digest, only what changed."""
     from flows.pull import Only, pull
@@ -62,7 +59,7 @@ def pull(
     only = Only(caption, seed, min_score, None if since is None else moment(since), sweep)
     signs = {"added": "+", "changed": "~", "removed": "-"}
     result = pull(
-        _store(store),
+        address_of(store, Path("dreams")),
         to,
         formats=formats or ["glb"],
         also=also or (),
@@ -87,10 +84,6 @@ def moment(text: str) -> datetime:
     except ValueError:
         raise OrderError(f'expected a date such as 2026-11-21 or 2026-11-21T18:00, got "{text}": write it so') from None
     return parsed if parsed.tzinfo else parsed.replace(tzinfo=UTC)
-
-
-def _store(named: str | None) -> str:
-    return named or os.environ.get(STORE_VARIABLE) or str(Path("dreams", "store"))
 
 
 def register(app: typer.Typer) -> None:

@@ -13,6 +13,7 @@ from dreamfields_core.config import ConfigError
 from flows import asset_commands, report_command
 from flows.order import OrderError, settle, take_order
 from flows.tables import TableError
+from storage.errors import BadAddress
 from tasks.encoders import EncoderError, describe_encoders
 from tasks.version import PACKAGES
 
@@ -28,7 +29,9 @@ app = typer.Typer(
 UsageError = typer.BadParameter.__mro__[1]
 """Whatever the parser refuses. Newer releases of typer bring a click of their own, so it is found by kinship."""
 
-REFUSED = (CaptionError, ConfigError, EncoderError, OrderError, TableError)
+REFUSED = (BadAddress, CaptionError, ConfigError, EncoderError, OrderError, TableError)
+
+INTERRUPTED = 130
 
 Settings = Annotated[list[str] | None, typer.Option("--set", metavar="PART.KEY=VALUE", help="Change a setting; may be repeated.")]
 MODEL = "a name that `dreamfields models` lists, a folder, owner/name on the hub, or several as A+B*0.5"
@@ -134,13 +137,14 @@ def bench(
 def main() -> None:
     """Run the command. Exit codes: 0 done, 1 failed, 2 refused before any work, 130 interrupted; a sentence on stderr says why."""
     try:
-        sys.exit(app(prog_name="dreamfields", standalone_mode=False) or 0)
+        code = app(prog_name="dreamfields", standalone_mode=False) or 0
+        if code == INTERRUPTED:  # what typer makes of Ctrl-C; a dream and a sweep that were begun say themselves how to go on
+            _end("interrupted: nothing is lost, the same command goes on", INTERRUPTED)
+        sys.exit(code)
     except typer.Abort:
-        _end("interrupted", 130)
+        _end("interrupted", INTERRUPTED)
     except REFUSED as error:
         _end(str(error), 2)
-    except KeyboardInterrupt:
-        _end("interrupted: nothing is lost, the same command goes on", 130)
     except Exception as error:
         if isinstance(error, UsageError):
             _end(_refusal(error), 2)

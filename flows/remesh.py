@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from rich.console import Console
 from dreamfields_core.config import DreamConfig, override, parts, validate
 from flows.display import Display
 from flows.exports import check_formats, files_of
-from flows.order import OrderError
+from flows.order import OrderError, address_of
 from flows.recipe import Plainly
 from flows.slugs import slug
 from storage.artifacts import ArtifactRef, is_present, put_artifact
@@ -45,11 +46,11 @@ class Dreamt:
         return slug(self.caption, json_digest([self.caption, self.config.model_dump(mode="json")]))
 
 
-def remesh(run: str, *, store: str, formats: Sequence[str], settings: Sequence[str], out: Path | None = None) -> list[Path]:
+def remesh(run: str, *, store: str | None = None, formats: Sequence[str], settings: Sequence[str], out: Path | None = None) -> list[Path]:
     """Mesh a dream with changed settings, by the same step and cache as the dream itself; the files written.
 
-    run: a dream's folder, or in the store the beginning of its record's key, or its caption. settings: part.key=value.
-    out: folder of the files, by default one named after the dream.
+    run: a dream's folder, or in the store the beginning of its record's key, or its caption. store: by default of a folder its own,
+    else the user's. settings: part.key=value. out: folder of the files, by default one named after the dream.
 
     Raises:
       OrderError, ConfigError: before any work. MeshError, StorageError.
@@ -68,11 +69,11 @@ def remesh(run: str, *, store: str, formats: Sequence[str], settings: Sequence[s
     return [folder / name for name in files]
 
 
-def find(run: str, store: str) -> Dreamt:
+def find(run: str, store: str | None = None) -> Dreamt:
     """The dream that is meant. Raises: OrderError."""
-    if (Path(run) / "result.json").is_file():
-        return _in_folder(Path(run))
-    opened = open_store(store)
+    if os.path.isfile(Path(run) / "result.json"):  # a caption may be too long for Path.is_file
+        return _in_folder(Path(run), store)
+    opened = open_store(address_of(store, Path("dreams")))
     records = list(read_records(opened, "dream"))
     meant = [record for record in records if re.fullmatch(r"[0-9a-f]{6,64}", run) and record.key.startswith(run)]
     meant = meant or [record for record in records if str(record.inputs["caption"]).casefold() == run.strip().casefold()]
@@ -91,12 +92,12 @@ def _recorded(record: StepRecord, store: Store) -> Dreamt:
     return Dreamt(str(record.inputs["caption"]), validate(record.config), record.output(FIELD), guide, store)
 
 
-def _in_folder(folder: Path) -> Dreamt:
-    """By result.json; where the store lost the field, or is gone itself, the folder's own copy takes its place."""
+def _in_folder(folder: Path, named: str | None) -> Dreamt:
+    """By result.json, in the store that was named, else in its own; where the field is not there, the folder's own copy takes its place."""
     try:
         said = json.loads((folder / "result.json").read_bytes())
         (field,) = (ArtifactRef.from_json(ref) for ref in said["artifacts"] if ref["name"] == FIELD)
-        guide, store = said["encoders"]["guidance"]["digest"], open_store(said["store"])
+        guide, store = said["encoders"]["guidance"]["digest"], open_store(named or said["store"])
         dreamt = Dreamt(said["caption"], validate(said["config"]), field, guide, store)
     except (ValueError, KeyError, TypeError, BadReference) as problem:
         raise OrderError(f"expected the result.json of a dream in {folder}, got one that is none ({problem}): dream it again") from None

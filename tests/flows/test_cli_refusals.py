@@ -52,6 +52,10 @@ REFUSALS = [
     (["draem", CAPTION], "draem"),
     (["mesh", CAPTION], "a dream's folder, or a record's key or a caption"),
     (["mesh", CAPTION, "--format", "fbx"], "a format among glb"),
+    (["mesh", "a" * 300], "a dream's folder, or a record's key or a caption"),
+    (["mesh", CAPTION, "--store", "ftp://somewhere"], "s3://bucket/prefix"),
+    (["pull", "--store", "s3://"], "s3://bucket/prefix"),
+    (["report", "--store", "ftp://somewhere"], "s3://bucket/prefix"),
     (["pull"], "a store with dreams in it"),
     (["pull", "--format", "fbx"], "a format among glb"),
     (["pull", "--since", "yesterday"], "a date such as 2026-11-21"),
@@ -77,6 +81,18 @@ def test_refused(
     assert err.startswith("dreamfields: ") and err.count("\n") == 1 and len(err) < 400
     assert out == ""
     assert not list(home.rglob("result.json")) and not list(home.rglob("runs"))
+
+
+@pytest.mark.parametrize(
+    ("command", "where"), [("mesh", "flows.remesh.remesh"), ("pull", "flows.pull.pull"), ("dream", "flows.cli.take_order")]
+)
+def test_ctrl_c_is_told(command: str, where: str, home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted(*arguments: object, **more: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(where, interrupted)
+    code, _, err = run(command, *[CAPTION] * (command != "pull"), monkeypatch=monkeypatch, capsys=capsys)
+    assert code == 130 and err == "dreamfields: interrupted: nothing is lost, the same command goes on\n"
 
 
 @pytest.mark.parametrize("command", [[], ["dream"], ["sweep"], ["settings"], ["models"], ["mesh"], ["pull"]])

@@ -9,9 +9,12 @@ from pathlib import Path
 import pytest
 
 from dreamfields_core.meshing import from_glb, provenance_of
+from flows import asset_commands
 from flows.exports import FORMATS
 from flows.order import OrderError
 from flows.remesh import find, remesh
+from storage.artifacts import put_artifact
+from storage.errors import BadAddress
 from storage.store import open_store
 from tests.flows.conftest import CAPTION, Dreams
 from tests.flows.records import keep_dream
@@ -53,15 +56,15 @@ def test_the_same_settings_are_answered_by_the_dream_s_own_record(folder: Path, 
         raise AssertionError("meshed again")
 
     monkeypatch.setattr("tasks.mesh.mesh", never)
-    remesh(str(folder), store="unused", formats=["glb"], settings=[], out=tmp_path / "out")
+    remesh(str(folder), formats=["glb"], settings=[], out=tmp_path / "out")
     assert (tmp_path / "out" / "mesh.glb").read_bytes() == (folder / "mesh.glb").read_bytes()
 
 
 @pytest.mark.slow
 def test_the_folder_s_own_field_takes_the_place_of_a_lost_store(folder: Path) -> None:
-    before = find(str(folder), "unused")
+    before = find(str(folder))
     shutil.rmtree(folder.parent / "store")
-    lost = find(str(folder), "unused")
+    lost = find(str(folder))
     assert lost == before or (lost.field, lost.guide) == (before.field, before.guide)
     assert lost.store.head(lost.field.key) == lost.field.size
 
@@ -77,6 +80,20 @@ def test_a_dream_is_named_by_its_caption_or_key_in_the_store(tmp_path: Path) -> 
     for unknown in ("a red rug", "abcdef123456", str(tmp_path), ""):
         with pytest.raises(OrderError, match="a dream's folder, or a record's key or a caption"):
             find(unknown, store.url)
+
+
+def test_a_named_store_takes_the_place_of_the_folder_s_own(tmp_path: Path) -> None:
+    own, other = open_store(tmp_path / "own"), open_store(tmp_path / "other")
+    ref, folder = put_artifact(own, "field.safetensors", b"field", "application/octet-stream"), tmp_path / "dream"
+    folder.mkdir()
+    (folder / ref.name).write_bytes(b"field")
+    said = {"caption": CAPTION, "config": {"seed": 3}, "artifacts": [ref.to_json()], "encoders": {"guidance": {"digest": "a" * 64}}}
+    (folder / "result.json").write_text(json.dumps({**said, "store": own.url}))
+    assert find(str(folder)).store.url == own.url and other.head(ref.key) is None
+    named = find(str(folder), other.url)
+    assert named.store.url == other.url and other.head(ref.key) == len(b"field") and named.config.seed == 3
+    with pytest.raises(BadAddress, match="s3://bucket/prefix"):
+        asset_commands.mesh(str(folder), store="ftp://somewhere")
 
 
 def test_what_would_change_the_field_is_refused(tmp_path: Path) -> None:
