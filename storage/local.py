@@ -149,7 +149,7 @@ def sync_folder(folder: Path) -> None:
 
 @contextmanager
 def explained(path: Path, size: int) -> Iterator[None]:
-    """Turn the system's errors while writing `size` bytes to `path` into ours."""
+    """Turn the system's errors while writing `size` bytes, 0 where nobody knows, to `path` into ours."""
     try:
         yield
     except StorageError:
@@ -158,7 +158,7 @@ def explained(path: Path, size: int) -> Iterator[None]:
         said = problem.strerror or str(problem)
         if problem.errno in _FULL:
             raise StorageFull(
-                f"Expected room for {size} bytes at {path}, but the disk is full ({said}): "
+                f"Expected room for {f'{size} bytes' if size else 'more'} at {path}, but the disk is full ({said}): "
                 "free some space or choose another place; what was saved before is intact."
             ) from problem
         if problem.errno in _REFUSED:

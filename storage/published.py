@@ -14,11 +14,16 @@ from pathlib import Path
 
 from storage.digests import sha256_file
 from storage.errors import MissingWeights, StorageError, UnreadableWeights
+from storage.local import explained
 from storage.resumed import fetch_blob
 
 
 class NoNetwork(StorageError):
-    """A model is not on disk and cannot be fetched."""
+    """A model is not on disk and cannot be fetched now; the next attempt may succeed."""
+
+
+class Offline(StorageError):
+    """A model is not on disk, and fetching it is switched off."""
 
 
 class NotPublished(StorageError):
@@ -66,7 +71,7 @@ def from_hub(
       revision: a branch, tag or commit; None means the commit that is in the cache, or else the newest.
       sha256: known digests, name -> sha256, that must hold besides the hub's own.
 
-    Raises: NoNetwork, NotPublished, UnreadableWeights.
+    Raises: NoNetwork, Offline, NotPublished, UnreadableWeights, StorageFull, StoreNotWritable, StoreUnreachable.
     """
     for look in (cached, _fetch):
         if paths := _whole(look, repository, layouts, revision):
@@ -133,14 +138,16 @@ def _fetch(repository: str, name: str, revision: str | None) -> Path | None:
     except errors.HFValidationError:
         raise _no_name(repository) from None
     except (errors.LocalEntryNotFoundError, errors.OfflineModeIsEnabled):
-        why = "HF_HUB_OFFLINE is set" if constants.HF_HUB_OFFLINE else "the hub did not answer"
-        raise _no_network(repository, name, why) from None
+        if constants.HF_HUB_OFFLINE:
+            raise Offline(_got_neither(repository, name, "HF_HUB_OFFLINE is set")) from None
+        raise NoNetwork(_got_neither(repository, name, "the hub did not answer")) from None
     except (errors.HfHubHTTPError, ConnectionError, TimeoutError) as problem:
-        raise _no_network(repository, name, _brief(problem)) from None
+        raise NoNetwork(_got_neither(repository, name, _brief(problem))) from None
     except OSError as problem:
         if problem.errno is None:  # the client's word for a file that came short
             raise _broken_off(repository, name, problem) from None
-        raise NoNetwork(f"Expected to write {name} of {repository} to {cache_folder()}, got '{_brief(problem)}': free some room.") from None
+        with explained(cache_folder() / name, 0):
+            raise
     except Exception as problem:  # the client lets its HTTP library's own errors through
         if type(problem).__module__.startswith(("httpx", "httpcore")):
             raise _broken_off(repository, name, problem) from None
@@ -148,7 +155,7 @@ def _fetch(repository: str, name: str, revision: str | None) -> Path | None:
 
 
 def _broken_off(repository: str, name: str, problem: Exception) -> NoNetwork:
-    return _no_network(repository, name, f"the download broke off, {_brief(problem)}; the next attempt goes on from there")
+    return NoNetwork(_got_neither(repository, name, f"the download broke off, {_brief(problem)}; the next attempt goes on from there"))
 
 
 def _no_name(repository: str) -> NotPublished:
@@ -162,8 +169,8 @@ def _brief(problem: Exception) -> str:
     return (str(problem).splitlines() or [type(problem).__name__])[0][:120]
 
 
-def _no_network(repository: str, name: str, why: str) -> NoNetwork:
-    return NoNetwork(
+def _got_neither(repository: str, name: str, why: str) -> str:
+    return (
         f"Expected {name} of {repository} from the hub or in {cache_folder()}, got neither ({why}): "
         "use --guidance embedded, or give the path of a folder that holds the model."
     )

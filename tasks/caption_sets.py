@@ -21,7 +21,7 @@ from dreamfields_core.teaching.pools import meaning, random_description
 from storage.digests import sha256_bytes
 from storage.download import fetch
 from storage.errors import StorageError
-from storage.published import NoNetwork
+from storage.published import NoNetwork, Offline
 from tasks.coco import PUBLISHED, object_centric, published_list
 from tasks.compiled import cache_folder
 
@@ -125,7 +125,7 @@ def _fetched(name: str) -> list[str]:
     path = cache_folder() / "captions" / entry.address.rsplit("/", 1)[-1]
     try:
         fetch(entry.address, path.parent)
-    except NoNetwork as error:
+    except (NoNetwork, Offline) as error:
         raise CaptionError(
             f"expected {path}, or a network to fetch it from {entry.address}, got neither: put the file there, or use embedded:12"
         ) from error
@@ -159,12 +159,15 @@ def _plain(text: str, path: Path) -> Rows:
 
 def _columns(text: str, path: Path) -> Rows:
     """The columns caption and picture; without such a heading, the first column."""
-    rows = [row for row in csv.reader(io.StringIO(text)) if row]
-    heading = [cell.strip().lower() for cell in rows[0]] if rows else []
+    rows = [(number, row) for number, row in enumerate(csv.reader(io.StringIO(text)), 1) if row]
+    heading = [cell.strip().lower() for cell in rows[0][1]] if rows else []
     if "caption" not in heading:
-        return [(row[0], None) for row in rows]
-    cells = [dict(zip(heading, row)) for row in rows[1:]]
-    return [(row["caption"], row.get("picture") or None) for row in cells]
+        return [(row[0], None) for _, row in rows]
+    cells = {number: dict(zip(heading, row)) for number, row in rows[1:]}
+    for number, row in cells.items():
+        if "caption" not in row:
+            raise CaptionError(f"expected a caption in row {number} of {path}, got a row that is too short for one: complete it")
+    return [(row["caption"], row.get("picture") or None) for row in cells.values()]
 
 
 def _structured(text: str, path: Path) -> Rows:

@@ -52,12 +52,12 @@ class Card:
 
 def card(name: str) -> Card:
     """JAX is not started; a published model is downloaded on first use. Raises: EncoderError."""
-    members = _members(name)
-    if len(members) > 1:
-        cards = [card(member) for member, _ in members]
-        digest = shares.digest([(own.digest, weight) for own, (_, weight) in zip(cards, members)])
+    models = members(name)
+    if len(models) > 1:
+        cards = [card(member) for member, _ in models]
+        digest = shares.digest([(own.digest, weight) for own, (_, weight) in zip(cards, models)])
         return Card(name, digest, max(own.image_size for own in cards), tuple(own.digest for own in cards))
-    ((single, _),) = members
+    ((single, _),) = models
     with _one_sentence():
         if is_published(single):
             found = find_published(single)
@@ -74,12 +74,12 @@ def load_encoder(name: str, *, towers: Collection[str] = BOTH) -> Encoder:
 
     Raises: EncoderError.
     """
-    members = _members(name)
-    if len(members) > 1:
+    models = members(name)
+    if len(models) > 1:
         from dreamfields_core.guidance.ensemble import ensemble
 
-        return ensemble([(load_encoder(member, towers=towers), weight) for member, weight in members])
-    ((single, _),) = members
+        return ensemble([(load_encoder(member, towers=towers), weight) for member, weight in models])
+    ((single, _),) = models
     with _one_sentence():
         if is_published(single):
             return load_published(single, towers=towers)
@@ -96,7 +96,15 @@ def unknown_words(name: str, caption: str) -> tuple[str, ...]:
     Raises:
       EncoderError: not one word of the caption is known.
     """
-    return tuple(dict.fromkeys(word for member, _ in _members(name) for word in _unknown_words(member, caption)))
+    return tuple(dict.fromkeys(word for member, _ in members(name) for word in _unknown_words(member, caption)))
+
+
+def members(name: str) -> list[tuple[str, float]]:
+    """Models and weights; a model by itself is one of weight 1, and a folder's name may hold any sign. Raises: EncoderError."""
+    if not (shares.SIGN in name or shares.SHARE in name) or isdir(name):
+        return [(name, 1.0)]
+    with _one_sentence(ValueError):
+        return shares.split_name(name)
 
 
 def describe_encoders() -> list[dict[str, Any]]:
@@ -130,14 +138,6 @@ def _unknown_words(name: str, caption: str) -> tuple[str, ...]:
             'try "a red mushroom", or guide by a published model'
         )
     return unknown
-
-
-def _members(name: str) -> list[tuple[str, float]]:
-    """Models and weights; a model by itself is one of weight 1, and a folder's name may hold any sign."""
-    if not (shares.SIGN in name or shares.SHARE in name) or isdir(name):
-        return [(name, 1.0)]
-    with _one_sentence(ValueError):
-        return shares.split_name(name)
 
 
 @contextmanager

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from dreamfields_core.config import parts
-from dreamfields_core.guidance.shares import split_name
 from storage.digests import json_digest
-from tasks.encoders import describe_encoders
+from tasks.encoders import EncoderError, describe_encoders, members
 from tasks.step import Work
 from tasks.steps import OPTIMIZE
 
@@ -34,5 +33,8 @@ def provenance(work: Work) -> dict[str, Any]:
 def licence(name: str) -> str:
     """Of an image-text model's weights, or of all that an ensemble is made of."""
     known = {row["name"]: str(row["licence"]) for row in describe_encoders()}
-    members = [name] if name in known else [member for member, _ in split_name(name)]
-    return ", ".join(dict.fromkeys(known.get(member, "a licence of their own") for member in members))
+    try:
+        models = [member for member, _ in members(name)]
+    except EncoderError:  # a folder that has gone since, whose name looks like an ensemble's
+        models = [name]
+    return ", ".join(dict.fromkeys(known.get(model, "a licence of their own") for model in models))

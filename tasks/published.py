@@ -64,7 +64,7 @@ def load_published(name: str, *, towers: Collection[str] = BOTH, eight_bits: boo
       towers: "image", "text" or both: a tower that is not needed is not read into memory.
       eight_bits: round resized pictures as the published preprocessing does: for a judge, not for guidance.
 
-    Raises: UnfitModel, and StorageErrors (NoNetwork, NotPublished, MissingWeights, UnreadableWeights): one sentence each.
+    Raises: UnfitModel, and StorageErrors (NoNetwork, Offline, NotPublished, MissingWeights, UnreadableWeights): one sentence each.
     """
     from dreamfields_core.guidance.published import encoder, read_weights
 

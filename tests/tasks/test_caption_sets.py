@@ -128,6 +128,7 @@ def test_files_of_captions(tmp_path: Path, name: str, text: str) -> None:
         ("a.txt", b"\xff\xfe\x00", "save it as UTF-8"),
         ("a.txt", b"a\ttab", "one line"),
         ("a.csv", b"", "at least one caption"),
+        ("a.csv", b"number,caption\n1,a red mug\n\n2\n", "a caption in row 4 of"),
         ("a.json", b"{", "expected JSON"),
         ("a.json", b'{"lines": []}', "a list of captions"),
         ("a.json", b'["a mug", 3]', "item 2"),

@@ -15,7 +15,9 @@ from dreamfields_core.dreaming.program import DreamProgram
 from dreamfields_core.guidance.architecture import UnfitModel
 from flows.order import OrderError, take_order
 from tasks.encoders import SHIPPED, EncoderError, card, describe_encoders, load_encoder, unknown_words
+from tasks.provenance import licence
 from tasks.published import find_published
+from tasks.retries import is_passing
 from tests.tasks import small_clip
 from tests.tasks.tiny import tiny
 
@@ -79,6 +81,22 @@ def test_names_are_refused_in_one_sentence(name: str, words: str) -> None:
         with pytest.raises(EncoderError, match=words) as caught:
             use(name)
         assert "\n" not in str(caught.value) and str(caught.value).startswith("expected ")
+
+
+def test_what_is_switched_off_is_not_tried_again() -> None:
+    with pytest.raises(EncoderError, match="HF_HUB_OFFLINE is set") as caught:
+        card("clip-vit-b32")
+    assert not is_passing(caught.value)
+
+
+def test_a_licence_is_known_by_name_and_else_of_their_own(tmp_path: Path) -> None:
+    folder = tmp_path / "c++" / "clip*"
+    folder.mkdir(parents=True)
+    own = "a licence of their own"
+    assert licence("embedded") == "Apache-2.0" and licence("embedded+owner/name*0.5") == f"Apache-2.0, {own}"
+    assert licence(str(folder)) == own
+    folder.rmdir()
+    assert licence(str(folder)) == own, "a dream may be meshed again when the folder has gone"
 
 
 def test_bad_files_are_refused_in_one_sentence(tmp_path: Path) -> None:

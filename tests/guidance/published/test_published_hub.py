@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +18,10 @@ import plain_folder
 import pytest
 from fake_hub import COMMIT, Hub, served
 
+from storage.digests import sha256_bytes
 from storage.download import fetch
-from storage.errors import UnreadableWeights
-from storage.published import NoNetwork, NotPublished
+from storage.errors import StorageFull, StoreNotWritable, UnreadableWeights
+from storage.published import NoNetwork, NotPublished, Offline, from_hub
 
 REPO = Path(__file__).resolve().parents[3]
 
@@ -115,7 +119,7 @@ def test_no_network_no_repository_and_a_hub_that_lies(hub: Hub, tmp_path: Path) 
         hub.lies = False
         assert refused["error"] == "UnreadableWeights" and "Expected digest" in refused["text"]
     refused = ask("good/other", hub, tmp_path / "fresh", HF_HUB_OFFLINE="1")
-    assert refused["error"] == "NoNetwork" and "HF_HUB_OFFLINE is set" in refused["text"], refused
+    assert refused["error"] == "Offline" and "HF_HUB_OFFLINE is set" in refused["text"], refused
     assert "use --guidance embedded" in refused["text"]
 
 
@@ -148,3 +152,68 @@ def test_a_plain_address_is_fetched_once_resumed_and_remembered(tmp_path: Path, 
         fetch(address, tmp_path)
     with pytest.raises(NoNetwork, match="use --guidance embedded"):
         fetch(address, tmp_path / "elsewhere")
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    with pytest.raises(Offline, match="HF_HUB_OFFLINE is set"):
+        fetch(address, tmp_path / "elsewhere")
+
+
+def test_a_full_disk_under_the_hub_s_cache_is_said_to_be_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*arguments: object, **more: object) -> str:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("huggingface_hub.hf_hub_download", full)
+    with pytest.raises(StorageFull, match=r"room for more at .*config.json, but the disk is full"):
+        from_hub("good/model", [["config.json"]])
+
+
+@pytest.fixture
+def plain(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Hub, str, bytes]]:
+    """A hub, the address of a plain file on it, and its bytes."""
+    monkeypatch.setenv("HF_HUB_OFFLINE", "0")
+    data = np.random.default_rng(0).bytes(3_000_000)
+    with served(Hub({"LiT.npz": data})) as hub:
+        yield hub, f"{hub.address}/good/LiT.npz", data
+
+
+def test_one_at_a_time_fetches_a_plain_address(plain: tuple[Hub, str, bytes], tmp_path: Path) -> None:
+    hub, address, data = plain
+    begun, go_on = threading.Event(), threading.Event()
+
+    def wait(name: str, done: int, total: int | None) -> None:
+        begun.set()
+        assert go_on.wait(60)
+
+    both = [threading.Thread(target=fetch, args=(address, tmp_path), kwargs={"progress": wait}) for _ in range(2)]
+    both[0].start()
+    assert begun.wait(60)
+    both[1].start()
+    time.sleep(0.3)
+    go_on.set()
+    for thread in both:
+        thread.join(60)
+    assert len(hub.asked) == 1 and (tmp_path / "LiT.npz").read_bytes() == data
+
+
+def test_a_fetched_file_is_never_without_its_digest(plain: tuple[Hub, str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, address, data = plain
+    original = os.replace
+
+    def last_deed(source: Path, target: Path) -> None:
+        original(source, target)
+        if Path(target).name == "LiT.npz":
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", last_deed)
+    with pytest.raises(KeyboardInterrupt):
+        fetch(address, tmp_path)
+    assert (tmp_path / "LiT.npz").is_file() and (tmp_path / "LiT.npz.sha256").read_text() == f"{sha256_bytes(data)}\n"
+
+
+def test_a_disk_that_takes_no_file_is_one_sentence(plain: tuple[Hub, str, bytes], tmp_path: Path) -> None:
+    _, address, _ = plain
+    (tmp_path / "LiT.npz.part").symlink_to("/dev/full")
+    with pytest.raises(StorageFull, match=r"room for 3000000 bytes at .*LiT.npz, but the disk is full"):
+        fetch(address, tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreNotWritable, match="choose a folder"):
+        fetch(address, tmp_path / "file")
