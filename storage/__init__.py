@@ -15,6 +15,10 @@
     checkpoints  committed by a manifest, fenced by an epoch
     saver        checkpoints written behind the training loop's back
     weights      safetensors, read without pickle
+    mapped       arrays of a published model's file, read one at a time
+    published    the files of published models: a folder, or the hub's cache, verified
+    resumed      a large file of the hub, which goes on where it was cut off
+    download     a file from a plain address, once
 
 Imports are cheap: zarr is loaded when the first checkpoint is read, obstore when the first object store is opened.
 """

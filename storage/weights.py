@@ -11,7 +11,7 @@ import ml_dtypes
 import numpy as np
 import safetensors
 
-from storage.digests import sha256_bytes, sha256_file
+from storage.digests import sha256_bytes
 from storage.errors import MissingWeights, UnreadableWeights
 
 _DTYPES = {
@@ -51,15 +51,6 @@ def shipped(name: str) -> Path:
         there = sorted(file.stem for file in folder.glob("*.safetensors"))
         raise MissingWeights(f"Expected shipped weights called {name!r}, but the package has {there or 'none'}: use one of these.")
     return path
-
-
-def verify(path: str | os.PathLike[str], sha256: str) -> None:
-    """Nothing, when the file has this digest. Raises: MissingWeights, UnreadableWeights."""
-    if not Path(path).is_file():
-        raise MissingWeights(f"Expected weights at {os.fspath(path)}, found no file: fetch them first.")
-    found = sha256_file(path)
-    if found != sha256.lower():
-        raise UnreadableWeights(f"Expected digest {sha256[:12]} for {os.fspath(path)}, got {found[:12]}: fetch the file again.")
 
 
 def _read(path: Path) -> bytes:

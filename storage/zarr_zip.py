@@ -58,7 +58,9 @@ def unpack(data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         leaves = [(name, node) for name, node in group.members(max_depth=None) if isinstance(node, zarr.Array)]
         return {name: _logical(node) for name, node in sorted(leaves)}, dict(group.attrs)[METADATA]  # type: ignore[return-value]
     except Exception as problem:  # a damaged zip can fail in any layer
-        raise DamagedCheckpoint(f"Expected a zarr v3 zip, got {len(data)} that do not decode ({problem}): use an older one.") from problem
+        raise DamagedCheckpoint(
+            f"Expected a zarr v3 zip, got {len(data)} bytes that do not decode ({problem}): use an older one."
+        ) from problem
 
 
 def _logical(node: Any) -> np.ndarray:

@@ -8,11 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from dreamfields_core.captions import normalize
-from dreamfields_core.teaching.language import Description, describe, parse
+from dreamfields_core.teaching.language import describe
 from dreamfields_core.teaching.pools import hard_pool, meaning, random_pool
 from storage.artifacts import ArtifactRef, put_artifact
 from storage.contract import Store
 from storage.digests import canonical_json
+from tasks.caption_sets import understood
 
 SEED = 5
 """The pools are the same for everyone."""
@@ -31,19 +32,12 @@ def caption_pools(caption: str, size: int, among: Sequence[str] = ()) -> dict[st
     if among:
         written = dict.fromkeys([normalize(caption), *map(normalize, among)])
         return {"random": list(written)}
-    true = _understood(caption)
+    true = understood(caption)
     others = [other for other in random_pool(np.random.default_rng(SEED), size) if true is None or meaning(other) != meaning(true)]
     pools = {"random": [caption, *map(describe, others[: size - 1])]}
     if true is not None:
         pools["hard"] = [caption, *map(describe, hard_pool(true, min(HARD, size) - 1, seed=SEED))]
     return pools
-
-
-def _understood(caption: str) -> Description | None:
-    try:
-        return parse(caption)
-    except ValueError:
-        return None
 
 
 def keep_pool(store: Store, among: Sequence[str]) -> ArtifactRef | None:

@@ -15,7 +15,7 @@ from safetensors.numpy import save
 
 import storage.weights as weights
 from storage.errors import MissingWeights, UnreadableWeights
-from storage.weights import read_weights, shipped, verify
+from storage.weights import read_weights, shipped
 
 ARRAYS: dict[str, np.ndarray] = {
     "b/kernel": np.arange(6, dtype=np.float32).reshape(2, 3),
@@ -63,17 +63,6 @@ def test_any_other_bytes_are_read_or_refused(data: bytes) -> None:
 def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(MissingWeights, match="fetch them first"):
         read_weights(tmp_path / "none.safetensors")
-    with pytest.raises(MissingWeights):
-        verify(tmp_path / "none.safetensors", "ab" * 32)
-
-
-def test_verify(tmp_path: Path) -> None:
-    path = tmp_path / "w.safetensors"
-    path.write_bytes(DATA)
-    verify(path, hashlib.sha256(DATA).hexdigest())
-    path.write_bytes(DATA[:-1] + b"?")
-    with pytest.raises(UnreadableWeights, match="Expected digest"):
-        verify(path, hashlib.sha256(DATA).hexdigest())
 
 
 def test_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from storage.artifacts import get_artifact, put_artifact
 from storage.store import open_store
 from tasks.encoders import card
 from tasks.oracle import given, rendered
-from tasks.step import Place, perform
+from tasks.step import Place, key_of, perform
 from tasks.truths import ORACLE
 from tests.tasks.tiny import tiny
 
@@ -40,6 +40,14 @@ def test_true_views_stand_on_white_one_an_azimuth() -> None:
     assert seen.shape == (2, 24, 24, 3) and seen.min() >= 0 and seen.max() <= 1
     np.testing.assert_array_equal(seen[:, 0, 0], 1)
     assert (seen[:, 12, 12, 0] > seen[:, 12, 12, 1] + 0.3).all(), "red in the middle"
+
+
+def test_only_what_the_judge_sees_and_the_pool_decide_the_key() -> None:
+    key, *others = (
+        key_of(ORACLE, tiny(change), {"caption": "a red ball"})
+        for change in ("evaluate.picture_size=64", "evaluate.picture_size=96", "evaluate.elevation=7", "evaluate.pool=9")
+    )
+    assert others[0] == key and len({key, *others}) == 3
 
 
 @pytest.mark.slow
