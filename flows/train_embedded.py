@@ -34,6 +34,10 @@ SAVE_EVERY = 100
 log = logging.getLogger(__name__)
 
 
+class OtherCourse(ValueError):
+    """A checkpoint of other lessons than those that are asked for; its text is one sentence with the way out."""
+
+
 @flow(name="train-embedded", flow_run_name="{model}", persist_result=False)
 def train_embedded(model: str, work: str = str(WORK), weights: str = str(WEIGHTS)) -> str:
     """Makes the weights of one of the models that ship, conducted by Prefect.
@@ -78,7 +82,7 @@ def load_page(seed: int, number: int, folder: Path) -> Page:
 def teach(name: str, course: lessons.Course, album: Page, checkpoint: Path) -> embedded.Model:
     """Takes the course from its newest checkpoint to its end."""
     model, progress = lessons.begin(course)
-    progress = restore(checkpoint, progress)
+    progress = restore(checkpoint, course, progress)
     pupils = lessons.Class(course, album.pictures, album.captions, model.architecture)
     step = lessons.make_step(course, model.architecture)
     started, told = time.monotonic(), []
@@ -87,7 +91,7 @@ def teach(name: str, course: lessons.Course, album: Page, checkpoint: Path) -> e
         told.append(said)
         if (number + 1) % SAVE_EVERY == 0 or number + 1 == course.steps:
             report_progress(name, course, number + 1, told, time.monotonic() - started)
-            keep(checkpoint, progress)
+            keep(checkpoint, course, progress)
             started, told = time.monotonic(), []
     return lessons.taught(model, progress)
 
@@ -100,18 +104,23 @@ def report_progress(name: str, course: lessons.Course, step: int, told: list[dic
     log.info("%s %d/%d %s, %.0f pictures a second", name, step, course.steps, json.dumps(means), course.batch * len(told) / seconds)
 
 
-def keep(path: Path, progress: lessons.Progress) -> None:
-    """Writes a checkpoint; the old one stays until the new one is whole."""
-    write_arrays(path, *(np.asarray(leaf) for leaf in jax.tree.leaves(progress)))
+def keep(path: Path, course: lessons.Course, progress: lessons.Progress) -> None:
+    """Writes a checkpoint, with what it was taught by; the old one stays until the new one is whole."""
+    taught_by = np.array(course.taught_by(int(progress.step)))
+    write_arrays(path, *(np.asarray(leaf) for leaf in jax.tree.leaves(progress)), taught_by=taught_by)
 
 
-def restore(path: Path, fresh: lessons.Progress) -> lessons.Progress:
-    """The checkpoint, or `fresh` where there is none."""
+def restore(path: Path, course: lessons.Course, fresh: lessons.Progress) -> lessons.Progress:
+    """The checkpoint, or `fresh` where there is none. Raises: OtherCourse."""
     if not path.exists():
         return fresh
+    old, tree = jax.tree.flatten(fresh)
     with np.load(path) as stored:
-        leaves = [jax.numpy.asarray(stored[f"arr_{i}"]) for i in range(len(stored.files))]
-    return jax.tree.unflatten(jax.tree.structure(fresh), leaves)
+        taught_by = str(stored["taught_by"]) if "taught_by" in stored.files else None
+        leaves = [jax.numpy.asarray(stored[name]) for i in range(len(old)) if (name := f"arr_{i}") in stored.files]
+    if len(leaves) != len(old) or taught_by != course.taught_by(int(leaves[0])):
+        raise OtherCourse(f"expected a checkpoint of this course, got {path}, which another has taught: move it away to begin anew")
+    return jax.tree.unflatten(tree, leaves)
 
 
 def write_weights(model: embedded.Model, path: Path) -> Path:
@@ -150,12 +159,14 @@ def main() -> None:
         print(train(arguments.model, arguments.work, arguments.weights))
     if name := arguments.so_far:
         model, fresh = lessons.begin(COURSES[name])
-        print(
-            write_weights(lessons.taught(model, restore(arguments.work / f"{name}.npz", fresh)), arguments.weights / f"{name}.safetensors")
-        )
+        progress = restore(arguments.work / f"{name}.npz", COURSES[name], fresh)
+        print(write_weights(lessons.taught(model, progress), arguments.weights / f"{name}.safetensors"))
     if arguments.evaluate:
         print(json.dumps(report.examine(load(arguments.weights / f"{arguments.evaluate}.safetensors")), indent=2))
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except OtherCourse as error:
+        raise SystemExit(str(error)) from None

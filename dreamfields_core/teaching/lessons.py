@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import bisect
 import hashlib
+import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import jax
@@ -79,6 +80,13 @@ class Course:
         """The term that a step belongs to, and the step's number in it."""
         number = bisect.bisect_right(self.starts, step, hi=len(self.terms)) - 1
         return self.terms[number], step - self.starts[number]
+
+    def taught_by(self, step: int) -> str:
+        """sha256, in hexadecimal, of what the first `step` steps depend on but the pictures; terms that have not begun may still change."""
+        begun = bisect.bisect_left(self.starts, step, hi=len(self.terms))
+        lasting = {name: value for name, value in asdict(self).items() if name not in ("pages", "terms")}
+        terms = [asdict(term) for term in self.terms[:begun]]
+        return hashlib.sha256(json.dumps([lasting, terms], sort_keys=True).encode()).hexdigest()
 
 
 class Batch(NamedTuple):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -49,11 +51,48 @@ def test_lessons_lower_the_loss(taught) -> None:
 def test_a_course_resumed_from_disk_is_the_same_to_the_bit(taught, tmp_path) -> None:
     states, _, step, pupils = taught
     middle = COURSE.starts[1] + 1  # within a replayed batch, so that the perturbation has to be kept too
-    train_embedded.keep(tmp_path / "state.npz", states[middle])
-    progress = train_embedded.restore(tmp_path / "state.npz", lessons.begin(COURSE)[1])
+    train_embedded.keep(tmp_path / "state.npz", COURSE, states[middle])
+    progress = train_embedded.restore(tmp_path / "state.npz", COURSE, lessons.begin(COURSE)[1])
     for number in range(middle, COURSE.steps):
         progress, _ = step(lessons.enter_term(COURSE, progress), pupils.batch(number))
     jax.tree.map(np.testing.assert_array_equal, progress, states[-1])
+
+
+FIRST, SECOND = COURSE.terms
+THIRD = lessons.Term(10, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("step", "changes", "goes_on"),
+    [
+        (30, {"terms": (FIRST, SECOND, THIRD)}, True),
+        (30, {"pages": 2}, True),
+        (24, {"terms": (FIRST, replace(SECOND, rate=1e-4))}, True),
+        (25, {"terms": (FIRST, replace(SECOND, rate=1e-4))}, False),
+        (30, {"terms": (FIRST,)}, False),
+        (30, {"terms": (FIRST, replace(SECOND, steps=5))}, False),
+        (30, {"terms": (replace(FIRST, last=0.2), SECOND, THIRD)}, False),
+        (24, {"terms": (replace(FIRST, rate=1e-3), SECOND)}, False),
+        (3, {"replays": 2}, False),
+        (3, {"sizes": TINY | {"coarse": 8}}, False),
+    ],
+)
+def test_a_checkpoint_goes_on_only_in_the_course_that_taught_it(taught, tmp_path, step: int, changes: dict, goes_on: bool) -> None:
+    path, other = tmp_path / "state.npz", replace(COURSE, **changes)
+    train_embedded.keep(path, COURSE, taught[0][step])
+    fresh = lessons.begin(COURSE)[1]
+    if goes_on:
+        assert int(train_embedded.restore(path, other, fresh).step) == step
+    else:
+        with pytest.raises(train_embedded.OtherCourse, match="move it away"):
+            train_embedded.restore(path, other, fresh)
+
+
+def test_a_checkpoint_that_does_not_say_what_taught_it_is_refused(taught, tmp_path) -> None:
+    path = tmp_path / "state.npz"
+    train_embedded.write_arrays(path, *(np.asarray(leaf) for leaf in jax.tree.leaves(taught[0][3])))
+    with pytest.raises(train_embedded.OtherCourse, match="move it away"):
+        train_embedded.restore(path, COURSE, taught[0][0])
 
 
 def test_robust_lessons_replay_their_batch_and_move_its_pictures(taught) -> None:
