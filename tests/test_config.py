@@ -131,6 +131,11 @@ def test_another_kind_of_field_brings_its_own_settings(assignments: tuple) -> No
     assert override(changed, ("field.kind=hybrid",)).field == HybridConfig(width=16)
 
 
+def test_a_resolution_named_twice_is_refused_with_the_way_out() -> None:
+    with pytest.raises(ConfigError, match=r"field.*expected every resolution once, got \[12, 6, 12\]: take \[6, 12\]"):
+        override(DEFAULT, ("field.kind=hybrid", "field.resolutions=[12,6,12]"))
+
+
 @pytest.mark.parametrize("kind", FIELD_KINDS)
 def test_every_kind_of_field_can_be_named_and_survives_json(kind: str) -> None:
     changed = override(DEFAULT, (f"field.kind={kind}",))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from dreamfields_core.config.parts import Count, Finite, NonNegative, Part, Positive, Share
 
@@ -135,6 +135,13 @@ class HybridConfig(Part):
     spread: NonNegative = 0.05
     density_scale: Positive = 20.0
     smoothness: NonNegative = 0.02
+
+    @field_validator("resolutions")
+    @classmethod
+    def _once_each(cls, resolutions: tuple[int, ...]) -> tuple[int, ...]:
+        if len(set(resolutions)) < len(resolutions):
+            raise ValueError(f"expected every resolution once, got {list(resolutions)}: take {sorted(set(resolutions))}")
+        return resolutions
 
 
 AnyField = ResidualMLPConfig | NeRFMLPConfig | HybridConfig | VoxelGridConfig | SignedDistanceConfig | ImagePlaneConfig

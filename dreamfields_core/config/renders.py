@@ -17,7 +17,7 @@ class SkipConfig(Part):
     warmup_steps: steps at the start that evaluate every sample inside the cube.
     refresh_every: steps between refreshes of the grid.
     refresh_turns: a refresh asks one cell in so many, others each time; the first one asks all. Divides the resolution.
-    decay: of the running maximum of optical depth in a cell, per refresh.
+    decay: of the running maximum of density in a cell, per refresh.
     threshold: a cell counts as empty below this optical depth a step length.
     explore: share of the samples in empty cells that is evaluated all the same, weighted up so that expectations hold.
     terminate: transmittance below which nothing further along the ray is evaluated.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from dreamfields_core.config.parts import Count, Finite, Part, Positive
 
@@ -46,6 +46,17 @@ class MeshConfig(Part):
     texture: Annotated[int, Field(ge=256, le=4096)] | None = 1024
     normal_map: bool = False
     color_samples: Annotated[int, Field(ge=1, le=64)] = 1
+
+    @field_validator("resolution")
+    @classmethod
+    def _can_be_refined(cls, resolution: int) -> int:
+        """The lattice that is asked first is this one halved; it may have 128 cells a side at most. Better told before the dream."""
+        coarse = resolution
+        while coarse % 2 == 0 and coarse >= 128:
+            coarse //= 2
+        if coarse > 128:
+            raise ValueError(f"expected at most 128 cells a side or a multiple of 64, got {resolution}: take {-(-resolution // 64) * 64}")
+        return resolution
 
     @model_validator(mode="after")
     def _fits_together(self) -> MeshConfig:
