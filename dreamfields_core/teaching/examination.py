@@ -39,18 +39,19 @@ def embed_images(encoder: Encoder, images: np.ndarray, *, batch: int = 64) -> np
 
 
 def ranks(images: np.ndarray, texts: np.ndarray) -> np.ndarray:
-    """For picture i, how many of the captions [m, dim] score above caption i, [n]."""
+    """For picture i, how many of the other captions [m, dim] score as high as caption i or higher, [n]; what is not a number is last."""
     scores = images @ texts.T
-    return (scores > scores[np.arange(len(images)), np.arange(len(images))][:, None]).sum(1)
+    own = np.diagonal(scores)[:, None]
+    return (~(scores < own)).sum(1) - 1
 
 
 def hard_ranks(encoder: Encoder, images: np.ndarray, descriptions: Sequence[Description], *, pool: int = 30) -> np.ndarray:
-    """For each picture, how many captions of its hard pool score above its own, [n]."""
+    """For each picture, how many captions of its hard pool score as high as its own or higher, [n]; what is not a number is last."""
     pools = [[description, *hard_pool(description, pool)] for description in descriptions]
     row = {d: i for i, d in enumerate(dict.fromkeys(d for candidates in pools for d in candidates))}
     texts = embed_captions(encoder, list(row))
     scores = [texts[[row[d] for d in candidates]] @ image for candidates, image in zip(pools, images, strict=True)]
-    return np.array([(own[1:] > own[0]).sum() for own in scores])
+    return np.array([(~(own[1:] < own[0])).sum() for own in scores])
 
 
 def attack(encoder: Encoder, images: Array, texts: Array, right: Array, *, radius: float, steps: int = 10) -> Array:

@@ -79,10 +79,11 @@ def render(solids: list[Solid], camera: Camera, light: Light, *, size: int = SIZ
     wide = size * SUPERSAMPLING
     eye, axes = _pose(camera)
     near, far = float(np.linalg.norm(eye)) - 2.4, float(np.linalg.norm(eye)) + 2.4
-    coarse = _directions(wide // BLOCK, camera.focal, axes)
+    coarse = _directions(wide, camera.focal, axes, block=BLOCK)
     cone = 0.75 * BLOCK / (wide * camera.focal)
     start = _march_cones(solids, eye, coarse, cone, near, far)
-    start = np.repeat(np.repeat(start.reshape(wide // BLOCK, -1), BLOCK, 0), BLOCK, 1).ravel()
+    blocks = start.reshape(-(-wide // BLOCK), -1)
+    start = np.repeat(np.repeat(blocks, BLOCK, 0), BLOCK, 1)[:wide, :wide].ravel()
     alive = np.flatnonzero(np.isfinite(start))
     directions = [axis[alive] for axis in _directions(wide, camera.focal, axes)]
     depth = _march(solids, eye, directions, start[alive], far, 0.5 / (wide * camera.focal))
@@ -105,11 +106,11 @@ def _pose(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     return (camera.radius * back + camera.target).astype(np.float32), axes.astype(np.float32)
 
 
-def _directions(wide: int, focal: float, axes: np.ndarray) -> list[np.ndarray]:
-    """Unit directions through pixel centres, row by row: three arrays [wide * wide]."""
-    offset = (np.arange(wide, dtype=np.float32) + 0.5) / wide - 0.5
+def _directions(wide: int, focal: float, axes: np.ndarray, *, block: int = 1) -> list[np.ndarray]:
+    """Unit directions through the centres of blocks of pixels, row by row: three arrays [n * n], n blocks cover `wide` pixels."""
+    offset = block * (np.arange(-(-wide // block), dtype=np.float32) + 0.5) / wide - 0.5
     offset /= np.float32(focal)
-    u, v = np.tile(offset, wide), np.repeat(offset, wide)
+    u, v = np.tile(offset, len(offset)), np.repeat(offset, len(offset))
     norm = 1 / np.sqrt(1 + u * u + v * v)
     return [(u * right + v * down + forward) * norm for right, down, forward in axes.T]
 

@@ -29,11 +29,21 @@ def is_held_out(description: Description) -> bool:
 
 
 def random_description(rng: np.random.Generator, *, held_out: bool | None = False) -> Description:
-    """A description; `held_out` says from which side of the split (None: from both)."""
+    """A description; `held_out` says from which side of the split (None: from both).
+
+    What stands next to something is held out only if no lesson shows it the other way round either.
+    """
     while True:
         description = _draw(rng)
-        if held_out is None or is_held_out(description) == held_out:
+        if held_out is None or (is_held_out(description) == held_out and not (held_out and _taught_mirrored(description))):
             return description
+
+
+def _taught_mirrored(description: Description) -> bool:
+    """Whether lessons show the same scene under its other name: the hash reads the two things in order, a picture does not."""
+    if description.relation != "next to" or description.other is None:
+        return False
+    return not is_held_out(replace(description, thing=description.other, other=description.thing))
 
 
 def _draw(rng: np.random.Generator) -> Description:

@@ -51,6 +51,13 @@ def test_no_lesson_holds_what_is_held_out() -> None:
     assert all(pools.is_held_out(pools.random_description(rng, held_out=True)) for _ in range(50))
 
 
+def test_what_is_held_out_is_not_taught_under_its_other_name() -> None:
+    rng = np.random.default_rng(6)
+    drawn = [pools.random_description(rng, held_out=True) for _ in range(2000)]
+    beside = [d for d in drawn if d.relation == "next to"]
+    assert beside and all(pools.is_held_out(Description(d.other, d.relation, d.thing)) for d in beside if d.other)
+
+
 def test_about_an_eighth_is_held_out_by_a_hash_that_never_changes() -> None:
     plain = [Description(Thing(kind, color)) for kind in words.KINDS for color in words.COLORS]
     held_out = [describe(d) for d in plain if pools.is_held_out(d)]

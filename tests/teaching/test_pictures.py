@@ -26,6 +26,17 @@ def test_a_sphere_has_the_size_that_perspective_gives_it() -> None:
     assert tangents[0] - 0.003 < radius < tangents[1] + 0.003
 
 
+@pytest.mark.parametrize("size", [25, 47])
+def test_a_picture_of_odd_size_is_a_larger_one_seen_smaller(size: int) -> None:
+    """Of a sphere, whose outline is round: about its middle, left as right, above as below."""
+    (picture,) = render_description(Description(Thing("sphere", "blue")), [Camera(0.0, 0.0, focal=1.2)], size=size, light=Light(0.0))
+    (whole,) = render_description(Description(Thing("sphere", "blue")), [Camera(0.0, 0.0, focal=1.2)], size=96, light=Light(0.0))
+    assert picture.shape == (size, size, 4)
+    alpha = picture[..., 3].astype(float)
+    np.testing.assert_allclose(alpha, alpha[:, ::-1], atol=64)
+    assert abs(alpha.mean() - whole[..., 3].mean()) < 2
+
+
 def test_colours_are_those_of_the_words() -> None:
     flat = Light(0.0)
     for color, value in words.COLORS.items():
