@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from dreamfields_core.config import ResidualMLPConfig
+from dreamfields_core.config import ResidualMLPConfig, validate
+from dreamfields_core.config.fields import FIELD_KINDS
 from dreamfields_core.fields import build_field
 from dreamfields_core.precision import in_float32, product_type
 from dreamfields_core.types import Gaussians
@@ -51,6 +52,37 @@ def products(jaxpr: jax.extend.core.Jaxpr) -> list[tuple[str, tuple[int, ...]]]:
             if hasattr(inner, "jaxpr"):
                 found += products(inner.jaxpr)
     return found
+
+
+def precisions(jaxpr: jax.extend.core.Jaxpr) -> list[tuple[str, object]]:
+    """Type of the factors and precision of every matrix product, the ones inside calls too."""
+    found = []
+    for equation in jaxpr.eqns:
+        if equation.primitive.name == "dot_general":
+            found.append((equation.invars[0].aval.dtype.name, equation.params["precision"]))
+        for inner in jax.tree.leaves(list(equation.params.values()), is_leaf=lambda leaf: hasattr(leaf, "jaxpr")):
+            if hasattr(inner, "jaxpr"):
+                found += precisions(inner.jaxpr)
+    return found
+
+
+@pytest.mark.parametrize("products_type", ["float32", "bfloat16"])
+@pytest.mark.parametrize("kind", FIELD_KINDS)
+def test_what_is_said_to_be_float32_is_not_rounded_by_any_device(kind: str, products_type: str) -> None:
+    config = validate({"field": {"kind": kind}}).field
+    field = build_field(config, bound=1.0, products=jnp.dtype(products_type))
+    params = jax.eval_shape(field.init, jax.random.key(0))
+    rays, spread = jax.ShapeDtypeStruct((4, 3), jnp.float32), jax.ShapeDtypeStruct((4,), jnp.float32)
+
+    def loss(params: object, gaussians: Gaussians) -> jax.Array:
+        prepared = field.prepare(params)
+        raw, colors = field.apply(prepared, gaussians)
+        return jnp.sum(raw) + jnp.sum(colors) + field.penalty(jax.random.key(0), prepared)
+
+    found = precisions(jax.make_jaxpr(jax.value_and_grad(loss))(params, Gaussians(rays, rays, spread, spread)).jaxpr)
+    assert found or kind in ("voxel_grid", "image_plane")
+    wanted = (jax.lax.Precision.HIGHEST,) * 2
+    assert all(precision == (wanted if name == "float32" else None) for name, precision in found), found
 
 
 def asked(products_type: str) -> tuple[object, object, Gaussians]:

@@ -48,7 +48,8 @@ def hybrid(config: HybridConfig, *, bound: float) -> Field:
         out = read_grid(prepared["grid"], gaussians.means, bound=bound)
         for index in range(len(prepared["layers"])):
             layer = prepared["layers"][f"layer{index}"]
-            out = (nnx.swish(out) if index else out) @ layer["kernel"] + layer["bias"][None, :]
+            fed = nnx.swish(out) if index else out
+            out = jnp.matmul(fed, layer["kernel"], precision=jax.lax.Precision.HIGHEST) + layer["bias"][None, :]
         return out[:, 0] + initial_shape(gaussians.means, config), nnx.sigmoid(out[:, 1:])
 
     def penalty(key: Array, prepared: Params) -> Array:

@@ -12,7 +12,7 @@ from jax.typing import DTypeLike
 from dreamfields_core.config import NeRFMLPConfig
 from dreamfields_core.fields.contract import Field
 from dreamfields_core.fields.encodings import encode, encoding_size, initial_frequencies
-from dreamfields_core.fields.network import network_field
+from dreamfields_core.fields.network import dense, network_field
 from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array, Gaussians
 
@@ -27,10 +27,10 @@ class NeRFMLP(nnx.Module):
         layers, into = [], size
         for index in range(config.depth):
             # The encoding is not rounded to bfloat16, nor is what decides the density.
-            layers.append(nnx.Linear(into, config.width, dtype=products if index not in (0, self.skip + 1) else None, rngs=rngs))
+            layers.append(dense(into, config.width, rngs, products=jnp.float32 if index in (0, self.skip + 1) else products))
             into = config.width + (size if index == self.skip else 0)
         self.layers = nnx.List(layers)
-        self.out = nnx.Linear(into, 4, rngs=rngs)
+        self.out = dense(into, 4, rngs)
 
     def __call__(self, gaussians: Gaussians) -> tuple[Array, Array]:
         encoded = encode(self.frequencies[...], gaussians, integrated=self.integrated)

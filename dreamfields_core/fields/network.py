@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import jax
 import jax.numpy as jnp
 from flax import nnx
+from jax.typing import DTypeLike
 
 from dreamfields_core.fields.contract import Field
 from dreamfields_core.types import Array, Gaussians, Params
@@ -13,6 +15,12 @@ from dreamfields_core.types import Array, Gaussians, Params
 Make = Callable[[nnx.Rngs], nnx.Module]
 """A network of fresh weights: called with Gaussians [N] it gives a number [N] and a colour [N, 3] for each."""
 Ask = Callable[[Params, Gaussians], tuple[Array, Array]]
+
+
+def dense(into: int, out: int, rngs: nnx.Rngs, *, products: DTypeLike = jnp.float32) -> nnx.Linear:
+    """A layer whose matrix product has factors of type `products`; float32 ones are kept whole, which accelerators would else round."""
+    exact = jnp.dtype(products) == jnp.float32
+    return nnx.Linear(into, out, dtype=products, precision=jax.lax.Precision.HIGHEST if exact else None, rngs=rngs)
 
 
 def as_functions(make: Make) -> tuple[Callable[[Array], Params], Ask]:

@@ -9,7 +9,7 @@ from jax.typing import DTypeLike
 from dreamfields_core.config import ResidualMLPConfig, SignedDistanceConfig
 from dreamfields_core.fields.contract import Field
 from dreamfields_core.fields.encodings import encode, encoding_size, initial_frequencies
-from dreamfields_core.fields.network import network_field
+from dreamfields_core.fields.network import dense, network_field
 from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array, Gaussians
 
@@ -19,8 +19,8 @@ class Block(nnx.Module):
 
     def __init__(self, config: ResidualMLPConfig | SignedDistanceConfig, rngs: nnx.Rngs, *, products: DTypeLike) -> None:
         self.norm = nnx.LayerNorm(config.width, rngs=rngs)
-        self.widen = nnx.Linear(config.width, config.bottleneck, dtype=products, rngs=rngs)
-        self.narrow = nnx.Linear(config.bottleneck, config.width, dtype=products, rngs=rngs)
+        self.widen = dense(config.width, config.bottleneck, rngs, products=products)
+        self.narrow = dense(config.bottleneck, config.width, rngs, products=products)
 
     def __call__(self, hidden: Array) -> Array:
         return hidden + in_float32(self.narrow(nnx.swish(self.widen(self.norm(hidden)))))
@@ -36,10 +36,10 @@ class ResidualMLP(nnx.Module):
     def __init__(self, config: ResidualMLPConfig | SignedDistanceConfig, rngs: nnx.Rngs, *, products: DTypeLike = jnp.float32) -> None:
         self.frequencies = nnx.Param(initial_frequencies(rngs.params(), config))
         self.integrated = config.integrated
-        self.enter = nnx.Linear(encoding_size(config), config.width, rngs=rngs)
+        self.enter = dense(encoding_size(config), config.width, rngs)
         self.blocks = nnx.List([Block(config, rngs, products=products) for _ in range(config.blocks)])
-        self.leave = nnx.Linear(config.width, config.width, dtype=products, rngs=rngs)
-        self.out = nnx.Linear(config.width, 4, rngs=rngs)
+        self.leave = dense(config.width, config.width, rngs, products=products)
+        self.out = dense(config.width, 4, rngs)
 
     def __call__(self, gaussians: Gaussians) -> tuple[Array, Array]:
         hidden = nnx.swish(self.enter(encode(self.frequencies[...], gaussians, integrated=self.integrated)))

@@ -39,7 +39,8 @@ def retrieve(encoder: Encoder, images: np.ndarray, caption: str, pool: Sequence[
     others = [other for other in dict.fromkeys(pool) if other != caption]
     texts = jax.jit(encoder.encode_text)(encoder.params, jnp.asarray(encoder.tokenize([caption, *others])))
     pictures = jax.jit(encoder.encode_image)(encoder.params, jnp.asarray(images, jnp.float32))
-    cosines = np.asarray(pictures @ texts.T, np.float64)
+    # On the host: a device's float32 product may round its factors to ten bits, and ranks hang on less.
+    cosines = np.asarray(pictures, np.float64) @ np.asarray(texts, np.float64).T
     ranks = ranks_of_first(cosines)
     return Retrieval(
         similarity=float(cosines[0, 0]),

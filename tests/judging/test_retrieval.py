@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -70,6 +72,17 @@ def test_retrieval_of_known_pictures() -> None:
     # In the second picture both b and c are better, and d is as good.
     assert result.ranks == (1, 4) and result.rank == 1 and result.correct and result.pool == 4
     assert result.similarity == result.similarities[0]
+
+
+def test_two_captions_that_float32_cannot_tell_apart_are_ranked() -> None:
+    """Scores 1 + 2^-26 and 1: a product in float32 would say 1 and 1."""
+    near = jnp.asarray([[1.0, 2.0**-13], [1.0, 0.0]])
+    looking = dataclasses.replace(
+        encoder(),
+        encode_text=lambda params, tokens: near[tokens[:, 0]],
+        encode_image=lambda params, images: near[:1].repeat(len(images), 0),
+    )
+    assert retrieve(looking, IMAGES, "a thing", ["b thing"]).ranks == (1, 1)
 
 
 def test_the_caption_itself_and_repeated_ones_count_once() -> None:
