@@ -32,7 +32,7 @@ FLOORS = (
     {"judging", "scene", "fields"},
     {"guidance", "presets"},
     {"config"},
-    {"captions", "precision", "types"},
+    {"captions", "png", "precision", "types"},
 )
 """Rooms of the core, top to bottom. A room imports itself and lower floors, never its neighbour."""
 

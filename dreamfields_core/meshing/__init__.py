@@ -4,7 +4,7 @@ World space is right-handed with Z up, faces wind counter-clockwise seen from ou
 """
 
 from dreamfields_core.meshing.asset import Asset, Look, extract_mesh
-from dreamfields_core.meshing.color import colors_from, vertex_normals, with_colors
+from dreamfields_core.meshing.color import colors_from, vertex_normals
 from dreamfields_core.meshing.errors import (
     BadBudget,
     BadMesh,
@@ -23,7 +23,7 @@ from dreamfields_core.meshing.glb_reader import from_glb, provenance_of
 from dreamfields_core.meshing.isosurface import isosurface
 from dreamfields_core.meshing.level import Level, Views, choose_level
 from dreamfields_core.meshing.pieces import weld
-from dreamfields_core.meshing.raycast import MeshRendering, cast, render_mesh, silhouette
+from dreamfields_core.meshing.raycast import MeshRendering, cast, render_mesh
 from dreamfields_core.meshing.report import MeshReport, report
 from dreamfields_core.meshing.simplify import simplify, simplify_levels
 
@@ -56,11 +56,9 @@ __all__ = [
     "provenance_of",
     "render_mesh",
     "report",
-    "silhouette",
     "simplify",
     "simplify_levels",
     "to_glb",
     "vertex_normals",
     "weld",
-    "with_colors",
 ]

@@ -35,16 +35,15 @@ def colors_from(field_colors: FieldColors, vertices: np.ndarray, *, batch: int =
         points = np.asarray(vertices[start : start + batch], np.float32)
         padded = np.concatenate([points, np.broadcast_to(points[-1], (batch - len(points), 3))])
         colors = np.asarray(field_colors(padded), np.float32)
-        if colors.shape != (batch, 3) or not np.isfinite(colors).all():
-            raise FieldNotFinite(f"expected finite colours [{batch}, 3] of the field, got {list(colors.shape)}: mesh an earlier checkpoint")
+        if colors.shape != (batch, 3):
+            raise FieldNotFinite(f"expected a colour a point, [{batch}, 3], got {list(colors.shape)}: give red, green and blue alone")
+        bad = np.count_nonzero(~np.isfinite(colors[: len(points)]).all(axis=1))
+        if bad:
+            raise FieldNotFinite(
+                f"expected finite colours of the field, got {bad} that are not of {len(points)}: mesh an earlier checkpoint"
+            )
         answers.append(colors[: len(points)])
     return np.clip(np.concatenate(answers), 0, 1) if answers else np.empty((0, 3), np.float32)
-
-
-def with_colors(mesh: Mesh, field_colors: FieldColors, *, inset: float, batch: int = 32768) -> Mesh:
-    """The mesh with colours asked `inset` world units below each vertex."""
-    inside = np.asarray(mesh.vertices, np.float64) - inset * vertex_normals(mesh)
-    return Mesh(vertices=mesh.vertices, faces=mesh.faces, colors=colors_from(field_colors, inside, batch=batch))
 
 
 def srgb_to_linear(colors: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from dreamfields_core.meshing.axes import to_z_up
 from dreamfields_core.meshing.color import linear_to_srgb
 from dreamfields_core.meshing.errors import BadMesh
 from dreamfields_core.meshing.glb import COMPONENTS, SHAPES
-from dreamfields_core.meshing.texels import read_png
+from dreamfields_core.png import read_png
 from dreamfields_core.types import Mesh, Texture
 
 TYPES = {number: dtype for dtype, number in COMPONENTS.items()}
@@ -30,18 +30,17 @@ def from_glb(data: bytes) -> Mesh:
         primitive = tree["meshes"][0]["primitives"][0]
         found = {name: _array(tree, body, number) for name, number in primitive["attributes"].items()}
         faces = _array(tree, body, primitive["indices"]).reshape(-1, 3).astype(np.int32)
-        texture = _texture(tree, body)
+        uv, colors = found.get("TEXCOORD_0"), found.get("COLOR_0")
+        return Mesh(
+            vertices=to_z_up(found["POSITION"]),
+            faces=faces,
+            colors=None if colors is None else linear_to_srgb(colors.astype(np.float64)).astype(np.float32),
+            normals=to_z_up(found["NORMAL"]),
+            uv=None if uv is None else np.stack([uv[:, 0], 1 - uv[:, 1]], axis=-1),
+            texture=_texture(tree, body),
+        )
     except (KeyError, IndexError, ValueError, struct.error, OSError) as error:
         raise BadMesh(f"expected a binary glTF as this project writes it, got {len(data)} bytes that are none: export it again") from error
-    uv, colors = found.get("TEXCOORD_0"), found.get("COLOR_0")
-    return Mesh(
-        vertices=to_z_up(found["POSITION"]),
-        faces=faces,
-        colors=None if colors is None else linear_to_srgb(colors.astype(np.float64)).astype(np.float32),
-        normals=to_z_up(found["NORMAL"]),
-        uv=None if uv is None else np.stack([uv[:, 0], 1 - uv[:, 1]], axis=-1),
-        texture=texture,
-    )
 
 
 def provenance_of(data: bytes) -> dict[str, Any]:

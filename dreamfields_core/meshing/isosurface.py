@@ -67,11 +67,11 @@ def extract(samples: Samples, coarse: np.ndarray, level: float, *, steps: int = 
     if not len(cells):
         if (coarse > level).all():
             raise FieldFull(
-                f"expected values below the level {level:.4g} somewhere in the cube, got {coarse.min():.4g} at the least: "
+                f"expected values below the surface's level somewhere in the cube, got {coarse.min() - level:.4g} above it at the least: "
                 "raise the level, or dream with a stronger transmittance loss"
             )
         raise FieldEmpty(
-            f"expected values above the level {level:.4g} somewhere in the cube, got {coarse.max():.4g} at the most: "
+            f"expected values above the surface's level somewhere in the cube, got {level - coarse.max():.4g} below it at the least: "
             "lower the level, or dream with a weaker transmittance loss"
         )
     return cut_bends(march(samples, cells, level, steps=steps), samples, level)

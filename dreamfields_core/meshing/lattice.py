@@ -83,14 +83,28 @@ def distinct(keys: np.ndarray) -> np.ndarray:
     return ordered[np.append(True, ordered[1:] != ordered[:-1])] if len(ordered) else ordered
 
 
-class Packed:
-    """A field asked in batches of one size, the last one padded, so that a jitted field compiles once.
+class Count:
+    """The points that a field was asked for, padding left out; `progress` is told after every batch."""
 
-    `asked` counts the points, padding left out.
-    """
+    def __init__(self, progress: Progress | None) -> None:
+        self.points, self._progress = 0, progress
+
+    def add(self, points: int) -> None:
+        self.points += points
+        if self._progress is not None:
+            self._progress(self.points)
+
+
+class Packed:
+    """A field asked in batches of one size, the last one padded, so that a jitted field compiles once."""
 
     def __init__(self, field: Field, *, batch: int = 32768, progress: Progress | None = None) -> None:
-        self.field, self.batch, self.progress, self.asked = field, batch, progress, 0
+        self.field, self.batch, self._count = field, batch, Count(progress)
+
+    @property
+    def asked(self) -> int:
+        """Points so far, those included that were asked by way of `above`."""
+        return self._count.points
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """points [N, 3] -> values [N] float32.
@@ -102,11 +116,9 @@ class Packed:
         return np.concatenate(answers) if answers else np.empty(0, np.float32)
 
     def above(self, levels: Field) -> Packed:
-        """The field minus a level for every place, points [N, 3] -> [N]; it goes on counting."""
-        lowered = Packed(
-            lambda points: np.asarray(self.field(points), np.float32) - levels(points), batch=self.batch, progress=self.progress
-        )
-        lowered.asked = self.asked
+        """The field minus a level for every place, points [N, 3] -> [N]; both count together."""
+        lowered = Packed(lambda points: np.asarray(self.field(points), np.float32) - levels(points), batch=self.batch)
+        lowered._count = self._count
         return lowered
 
     def _one(self, points: np.ndarray) -> np.ndarray:
@@ -123,9 +135,7 @@ class Packed:
                 f"expected finite values of the field, got {bad.sum()} that are not among {len(points)}, the first at ({where}): "
                 "mesh an earlier checkpoint"
             )
-        self.asked += len(points)
-        if self.progress is not None:
-            self.progress(self.asked)
+        self._count.add(len(points))
         return values
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from dreamfields_core.meshing.axes import to_y_up
 from dreamfields_core.meshing.simplify import check_mesh
 from dreamfields_core.meshing.tangents import unit_normals
-from dreamfields_core.meshing.texels import check_texture, png
+from dreamfields_core.meshing.texels import check_texture
+from dreamfields_core.png import png
 from dreamfields_core.types import Mesh
 
 

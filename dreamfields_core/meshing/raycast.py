@@ -60,11 +60,6 @@ def cast(mesh: Mesh, origins: np.ndarray, directions: np.ndarray) -> Hits:
     )
 
 
-def silhouette(mesh: Mesh, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """[...] bool: which rays [..., 3] meet the mesh."""
-    return cast(mesh, origins, directions).hit
-
-
 def render_mesh(mesh: Mesh, origins: np.ndarray, directions: np.ndarray, *, light: np.ndarray | None = None) -> MeshRendering:
     """The mesh's own texture, else its vertex colours, else grey, along rays [..., 3], unlit as the field is.
 

@@ -32,7 +32,7 @@ class MeshReport:
 
 
 def report(mesh: Mesh, *, crossing: int | None = None) -> MeshReport:
-    """Count; vertices that no face uses are left out. crossing: as `simplify.Simplified` has it.
+    """Count, of one face at least; vertices that no face uses are left out. crossing: as `simplify.Simplified` has it.
 
     A textured mesh has its vertices doubled at seams: count it before it is unwrapped, or `pieces.weld` it.
     """
@@ -42,7 +42,7 @@ def report(mesh: Mesh, *, crossing: int | None = None) -> MeshReport:
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
     _, edge, count = np.unique(low * (len(mesh.vertices) + 1) + high, return_inverse=True, return_counts=True)
     turning = np.bincount(edge, weights=np.where(starts < ends, 1, -1), minlength=len(count))
-    closed = bool(len(faces) and (count == 2).all())
+    closed = bool((count == 2).all())
     return MeshReport(
         vertices=len(used),
         faces=len(faces),

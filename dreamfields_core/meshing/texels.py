@@ -1,26 +1,11 @@
-"""Textures as PNG bytes, and looked up. Pixels are uint8 [S, S, 3], row 0 at the top; u runs right, v runs up."""
+"""Textures, looked up and checked. Pixels are uint8 [S, S, 3], row 0 at the top; u runs right, v runs up."""
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
-from PIL import Image
 
 from dreamfields_core.meshing.errors import BadMesh
 from dreamfields_core.types import Mesh
-
-
-def png(pixels: np.ndarray) -> bytes:
-    """The same pixels give the same bytes."""
-    file = io.BytesIO()
-    Image.fromarray(pixels).save(file, "PNG", optimize=False, compress_level=6)
-    return file.getvalue()
-
-
-def read_png(data: bytes) -> np.ndarray:
-    """The inverse of `png`."""
-    return np.asarray(Image.open(io.BytesIO(data), formats=["PNG"]).convert("RGB"))
 
 
 def texel(pixels: np.ndarray, uv: np.ndarray) -> np.ndarray:

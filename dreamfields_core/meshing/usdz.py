@@ -17,7 +17,8 @@ from dreamfields_core.meshing.color import srgb_to_linear
 from dreamfields_core.meshing.provenance import Provenance, plain
 from dreamfields_core.meshing.simplify import check_mesh
 from dreamfields_core.meshing.tangents import unit_normals
-from dreamfields_core.meshing.texels import check_texture, png
+from dreamfields_core.meshing.texels import check_texture
+from dreamfields_core.png import png
 from dreamfields_core.types import Mesh
 
 ALIGNMENT = 64

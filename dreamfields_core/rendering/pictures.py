@@ -11,6 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from dreamfields_core.png import png as png
+from dreamfields_core.png import read_png as read_png
 from dreamfields_core.rendering.images import on_shade
 from dreamfields_core.types import Rendering
 
@@ -46,16 +48,6 @@ def contact_sheet(views: Rendering, caption: str) -> np.ndarray:
     grid = np.concatenate([np.concatenate(list(row), axis=1) for row in rows], axis=0)
     title = _title(caption, width=grid.shape[1])
     return np.concatenate([title, grid], axis=0)
-
-
-def png(image: np.ndarray) -> bytes:
-    """A picture as PNG."""
-    return _encode(Image.fromarray(image), "PNG", optimize=False, compress_level=6)
-
-
-def read_png(data: bytes) -> np.ndarray:
-    """The picture that `png` wrote."""
-    return np.asarray(Image.open(io.BytesIO(data), formats=["PNG"]).convert("RGB"))
 
 
 def webp(image: np.ndarray) -> bytes:

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+
+from dreamfields_core.meshing import colors_from, vertex_normals
+from dreamfields_core.types import Mesh
 
 Shape = Callable[[np.ndarray], np.ndarray]
 
 
 def sphere(points: np.ndarray, radius: float = 0.6, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
     return radius - np.linalg.norm(points - np.asarray(centre, points.dtype), axis=1)
+
+
+def colored(mesh: Mesh, colors: Callable[[np.ndarray], np.ndarray], *, inset: float = 0.0) -> Mesh:
+    """The mesh with colours asked `inset` world units below each vertex."""
+    return replace(mesh, colors=colors_from(colors, mesh.vertices - inset * vertex_normals(mesh)))
 
 
 def torus(points: np.ndarray) -> np.ndarray:

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dreamfields_core.meshing import Seen, fidelity, isosurface, with_colors
+from dreamfields_core.meshing import Seen, fidelity, isosurface
 from dreamfields_core.meshing.fidelity import intersection_over_union, psnr
 from dreamfields_core.types import Mesh
-from tests.meshing.shapes import cameras, sphere
+from tests.meshing.shapes import cameras, colored, sphere
 
 ORIGINS, DIRECTIONS = cameras(2, 96)
 
@@ -21,7 +21,7 @@ def colors(points: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def ball() -> Mesh:
-    return with_colors(isosurface(sphere, 0.0, resolution=64), colors, inset=0.0)
+    return colored(isosurface(sphere, 0.0, resolution=64), colors)
 
 
 def seen_ball(radius: float = 0.6) -> Seen:

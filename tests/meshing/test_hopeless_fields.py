@@ -14,6 +14,7 @@ from dreamfields_core.meshing import (
     SilhouetteEmpty,
     Views,
     extract_mesh,
+    isosurface,
 )
 from tests.meshing.shapes import cameras, sphere, through_the_wall
 
@@ -40,6 +41,17 @@ def test_no_surface_is_one_sentence_with_the_way_out(field, error: type[MeshErro
     with pytest.raises(error, match=r"^expected .*got .*: ") as caught:
         made(field)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("field", "error"), [(lambda p: sphere(p) - 5, FieldEmpty), (lambda p: sphere(p) + 5, FieldFull)])
+def test_how_far_the_level_is_off_is_told_the_same_by_the_surface_and_by_the_asset(field, error: type[MeshError]) -> None:  # type: ignore[no-untyped-def]
+    level = 1.0
+    axis = np.linspace(-1, 1, 65)
+    values = field(np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3))
+    off = level - values.max() if error is FieldEmpty else values.min() - level
+    for extract in (made, lambda field, level: isosurface(field, level, resolution=64)):
+        with pytest.raises(error, match=f"got {off:.4g} {'below' if error is FieldEmpty else 'above'} it at the least"):
+            extract(field, level=level)
 
 
 def test_views_that_see_nothing_say_so() -> None:

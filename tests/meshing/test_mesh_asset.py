@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from dreamfields_core.meshing import BadBudget, FieldNotFinite, MeshError, Views, colors_from, extract_mesh, silhouette, vertex_normals
+from dreamfields_core.meshing import BadBudget, FieldNotFinite, Look, MeshError, Views, cast, colors_from, extract_mesh, vertex_normals
 from tests.meshing.shapes import cameras, sphere
 
 
@@ -41,7 +41,7 @@ def test_a_soft_ball_becomes_a_coloured_closed_mesh() -> None:
     assert made.report.watertight and made.report.manifold and made.report.faces <= 2000 and made.report.volume > 0
     assert made.level == pytest.approx(1.5, abs=0.3) and made.agreement is not None and made.agreement > 0.95
     assert np.all(np.asarray(made.mesh.colors) == 0.25) and made.asked == told[-1] and traces == 1
-    seen = silhouette(made.mesh, origins, directions)
+    seen = cast(made.mesh, origins, directions).hit
     assert (seen & (opacity > 0.5)).sum() / (seen | (opacity > 0.5)).sum() > 0.95
     assert made.extracted.faces > made.report.faces and made.extracted.watertight
 
@@ -54,6 +54,23 @@ def test_colors_are_asked_below_the_surface() -> None:
     assert (normals * made.mesh.vertices / 0.6).sum(axis=1).min() > 0.99
 
 
+@pytest.mark.parametrize("samples", [1, 8])
+def test_every_point_is_counted_once_whatever_it_was_asked_for(samples: int) -> None:
+    asked: list[np.ndarray] = []
+    told: list[int] = []
+
+    def field(points: np.ndarray) -> np.ndarray:
+        asked.append(points)
+        return sphere(points)
+
+    look = Look(samples=samples, density=lambda raw: np.maximum(raw, 0))
+    made = extract_mesh(field, stripes, level=0.0, resolution=16, faces=200, look=look, batch=1000, progress=told.append)
+    assert told == sorted(set(told)) and made.asked == told[-1] and len(told) == len(asked)
+    # Only the last batch of a question is padded: by its last point.
+    padding = sum(int((points == points[-1]).all(axis=1).sum()) - 1 for points in asked)
+    assert made.asked == sum(len(points) for points in asked) - padding
+
+
 def test_bad_settings_are_refused_before_the_field_is_asked() -> None:
     def never(points: np.ndarray) -> np.ndarray:
         raise AssertionError("asked")
@@ -64,7 +81,14 @@ def test_bad_settings_are_refused_before_the_field_is_asked() -> None:
         extract_mesh(never, never)
 
 
-@pytest.mark.parametrize("colors", [lambda p: p[:, :1], lambda p: np.full_like(p, np.nan)])
-def test_colors_that_are_none_are_refused(colors) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(FieldNotFinite, match="colours"):
+@pytest.mark.parametrize(
+    ("colors", "told"),
+    [
+        (lambda p: p[:, :1], "a colour a point"),
+        (lambda p: np.full_like(p, np.nan), "got 3 that are not of 3:"),
+        (lambda p: np.where(np.arange(len(p))[:, None] == 1, np.inf, p), "got 1 that are not of 3:"),
+    ],
+)
+def test_colors_that_are_none_are_refused(colors, told: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(FieldNotFinite, match=told):
         colors_from(colors, np.zeros((3, 3)))

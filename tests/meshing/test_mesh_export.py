@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dreamfields_core.meshing import BadMesh, from_glb, isosurface, provenance_of, to_glb, with_colors
+from dreamfields_core.meshing import BadMesh, from_glb, isosurface, provenance_of, to_glb
 from dreamfields_core.meshing.axes import to_y_up, to_z_up
 from dreamfields_core.meshing.color import linear_to_srgb, srgb_to_linear
 from dreamfields_core.types import Mesh
-from tests.meshing.shapes import box
+from tests.meshing.shapes import box, colored
 from tests.meshing.textured import globe, painted_globe
 
 PROVENANCE = {"seed": 3, "caption": "a box", "digests": ["ab", "cd"]}
@@ -23,7 +23,7 @@ PROVENANCE = {"seed": 3, "caption": "a box", "digests": ["ab", "cd"]}
 
 @pytest.fixture(scope="module")
 def mesh() -> Mesh:
-    return with_colors(isosurface(box, 0.0, resolution=32), lambda p: (p + 1) / 2, inset=0.01)
+    return colored(isosurface(box, 0.0, resolution=32), lambda p: (p + 1) / 2, inset=0.01)
 
 
 def tree_of(data: bytes) -> dict:  # type: ignore[type-arg]
@@ -103,6 +103,14 @@ def test_provenance_that_is_no_json_is_refused(mesh: Mesh, bad: dict) -> None:  
 def test_bytes_that_are_no_glb_are_refused(data: bytes) -> None:
     with pytest.raises(BadMesh, match="export it again"):
         from_glb(data)
+
+
+@pytest.mark.parametrize("lost", [b"POSITION", b"NORMAL"])
+def test_a_glb_that_lacks_what_every_mesh_has_is_refused(mesh: Mesh, lost: bytes) -> None:
+    data = to_glb(mesh, {})
+    assert lost in data
+    with pytest.raises(BadMesh, match="export it again"):
+        from_glb(data.replace(lost, b"X" * len(lost)))
 
 
 @given(st.lists(st.floats(0, 1), min_size=1))

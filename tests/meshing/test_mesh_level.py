@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dreamfields_core.meshing import SilhouetteEmpty, Views, choose_level, isosurface, silhouette
+from dreamfields_core.meshing import SilhouetteEmpty, Views, cast, choose_level, isosurface
 from dreamfields_core.meshing.isosurface import coarse_values
 from dreamfields_core.meshing.lattice import Lattice, Packed, Samples
 from dreamfields_core.meshing.level import agreement, chord, highest
@@ -27,7 +27,7 @@ def coarse(field) -> np.ndarray:  # type: ignore[no-untyped-def]
 @pytest.mark.parametrize("level", [-1.5, 0.0, 2.0])
 def test_a_known_level_is_found_again(level: float) -> None:
     origins, directions = cameras(4, 64)
-    opacity = silhouette(isosurface(blob, level, resolution=64), origins, directions).astype(float)
+    opacity = cast(isosurface(blob, level, resolution=64), origins, directions).hit.astype(float)
     found, _ = levels_of(Views(origins, directions, opacity), coarse(blob), LATTICE)
     # A pixel is 0.04 wide, the blob's radius is sqrt((3 - level) / 8): that blurs the level by about 0.1.
     assert found.value == pytest.approx(level, abs=0.15)
@@ -37,7 +37,7 @@ def test_a_known_level_is_found_again(level: float) -> None:
 def test_peaks_tell_the_silhouette_of_the_mesh() -> None:
     origins, directions = cameras(3, 96)
     told = highest(coarse(torus), LATTICE, origins, directions)[0] > 0
-    seen = silhouette(isosurface(torus, 0.0, resolution=64), origins, directions).ravel()
+    seen = cast(isosurface(torus, 0.0, resolution=64), origins, directions).hit.ravel()
     assert (told & seen).sum() / (told | seen).sum() > 0.98
 
 

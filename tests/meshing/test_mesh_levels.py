@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from dreamfields_core.meshing import Views, choose_level, extract_mesh, silhouette
+from dreamfields_core.meshing import Views, cast, choose_level, extract_mesh
 from dreamfields_core.meshing.isosurface import coarse_values
 from dreamfields_core.meshing.lattice import Lattice, Packed, Samples
 from dreamfields_core.meshing.level import agreement, highest
@@ -66,7 +66,7 @@ def test_haze_goes_and_what_is_thin_stays_where_no_single_level_can() -> None:
     made = extract_mesh(three_balls, lambda p: np.full_like(p, 0.5), views=views, resolution=128, faces=4000)
     assert made.report.components == 2 and made.report.watertight and made.agreement is not None and made.agreement > 0.93
     fresh = cameras(5, 128)
-    seen, told = silhouette(made.mesh, *fresh), opaque(*fresh) > 0.5
+    seen, told = cast(made.mesh, *fresh).hit, opaque(*fresh) > 0.5
     assert (seen & told).sum() / (seen | told).sum() > 0.94
     coarse = coarse_values(Samples(Lattice((0.0, 0.0, 0.0), 1.0, 128), Packed(three_balls)))
     peaks = np.stack([highest(coarse, Lattice((0.0, 0.0, 0.0), 1.0, 128), origins[v], directions[v])[0] for v in range(6)])

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dreamfields_core.meshing import cast, isosurface, render_mesh, silhouette, with_colors
+from dreamfields_core.meshing import cast, isosurface, render_mesh
 from dreamfields_core.types import Mesh
-from tests.meshing.shapes import cameras, sphere
+from tests.meshing.shapes import cameras, colored, sphere
 
 ORIGINS, DIRECTIONS = cameras(3, 128)
 
 
 @pytest.fixture(scope="module")
 def ball() -> Mesh:
-    return with_colors(isosurface(sphere, 0.0, resolution=64), lambda p: (p + 1) / 2, inset=0.0)
+    return colored(isosurface(sphere, 0.0, resolution=64), lambda p: (p + 1) / 2)
 
 
 def closed_form() -> tuple[np.ndarray, np.ndarray]:
@@ -26,7 +26,7 @@ def closed_form() -> tuple[np.ndarray, np.ndarray]:
 
 def test_silhouette_is_a_disc(ball: Mesh) -> None:
     expected, _ = closed_form()
-    assert (silhouette(ball, ORIGINS, DIRECTIONS) != expected).mean() < 0.001
+    assert (cast(ball, ORIGINS, DIRECTIONS).hit != expected).mean() < 0.001
 
 
 def test_depth_color_and_normal(ball: Mesh) -> None:
