@@ -25,11 +25,6 @@ def cosines(image_embeddings: Array, text_embedding: Array) -> Array:
     return jnp.matmul(image_embeddings, text_embedding, precision=jax.lax.Precision.HIGHEST)
 
 
-def similarity(image_embeddings: Array, text_embedding: Array) -> Array:
-    """Mean cosine; minus this is the paper's L_CLIP (equation 4)."""
-    return jnp.mean(cosines(image_embeddings, text_embedding))
-
-
 def regularized(cosines: Array, transmittance: Array, target: Array, loss: LossConfig) -> Array:
     """L_total with the regulariser that `loss` names (paper table 3); []. Density noise acts in the rendering and adds nothing here."""
     cosines, transmittance, target = in_float32((cosines, transmittance, target))

@@ -83,11 +83,10 @@ class DreamProgram:
         return self._step(on_every_device(self.mesh, state), self._key, self.encoder.params, text_embedding)
 
     def preview(self, state: DreamState, *, azimuth: float = 30.0) -> np.ndarray:
-        """A picture of the training size on white, uint8 [H, W, 3]."""
-        camera, evaluate = self.config.camera, self.config.evaluate
-        elevation = 0.5 * (camera.elevation.low + camera.elevation.high)
-        pose = poses_at([azimuth], elevation, radius=evaluate.radius, focal=0.5 * (camera.focal.low + camera.focal.high))
-        return self._picture(state, pose)
+        """A picture of the training size on white, uint8 [H, W, 3], from the middle of where training's cameras stand."""
+        camera = self.config.camera
+        elevation, radius, focal = (0.5 * (drawn.low + drawn.high) for drawn in (camera.elevation, camera.radius, camera.focal))
+        return self._picture(state, poses_at([azimuth], elevation, radius=radius, focal=focal))
 
     def glimpse(self, state: DreamState) -> np.ndarray:
         """The first held-out view of the paper, in the training size on white, uint8 [H, W, 3]."""

@@ -37,24 +37,6 @@ def view_renderer(
     return render_view
 
 
-def render_views(
-    field: Field,
-    params: Params,
-    origin: Array,
-    occupancy: Occupancy,
-    poses: Pose,
-    *,
-    size: int,
-    samples: int,
-    bound: float,
-    skip: SkipConfig,
-) -> Rendering:
-    """Pictures from every pose [V], one after another: Rendering of NumPy arrays [V, size, size, ...]."""
-    render_view = view_renderer(field, params, origin, occupancy, samples=samples, bound=bound, skip=skip)
-    views = [render_view(jax.tree.map(lambda leaf, view=view: leaf[view], poses), size) for view in range(poses.azimuth.shape[0])]
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *views)
-
-
 def on_white(rendering: Rendering) -> np.ndarray:
     """Pictures [..., 3] in [0, 1] as the judge sees them (paper section 5.1)."""
     return on_shade(rendering, 1.0)

@@ -58,8 +58,8 @@ def refresh_some(
     """The same of one cell in `turns`, others each time: in as many turns in a row, every cell is asked once.
 
     A cell that is not asked keeps what it remembers, and forgets all the more once it is: by decay ^ turns, as if it had been asked each
-    time. The cells around it are asked at other turns: as a cell counts as occupied where any of the 27 is, little is missed of what
-    moves less than a cell in that time.
+    time. Most of the cells around it are asked at other turns: as a cell counts as occupied where any of the 27 is, little is missed of
+    what moves less than a cell in that time.
 
     Args:
       turn: [] int32, the refresh's number. turns: divides the resolution.

@@ -162,15 +162,32 @@ def test_a_preview_is_a_picture_and_leaves_the_state_alone(run: Run) -> None:
     np.testing.assert_array_equal(picture, run.program.preview(state))
 
 
+def seen(program: DreamProgram, state: DreamState, elevation: float, *, radius: float, focal: float) -> np.ndarray:
+    """What the renderer of finished fields sees from azimuth 30 degrees, on white, in 0 ... 255."""
+    pose = jax.tree.map(lambda leaf: leaf[0], poses_at([30.0], elevation, radius=radius, focal=focal))
+    skip, bound, samples = program.config.render.skip, program.config.scene.bound, program.config.render.samples
+    see = view_renderer(program.field, state.params, state.origin, state.occupancy, samples=samples, bound=bound, skip=skip)
+    return 255 * on_white(see(pose, 8))
+
+
+def test_a_preview_stands_where_training_does_however_the_object_is_judged(run: Run) -> None:
+    state = state_from_arrays(run.program.start(), run.last)
+    judged_afar = config_of(
+        run.program.config.field.kind,
+        camera=run.program.config.camera.model_dump() | {"radius": {"low": 3.0, "high": 5.5}},
+        evaluate={"radius": 9.0},
+    )
+    program = DreamProgram(judged_afar, ENCODER)
+    wanted = seen(program, state, 25.0, radius=4.25, focal=1.2 * 1111.1111 / 800)
+    assert np.ptp(wanted) > 10
+    np.testing.assert_allclose(program.preview(state), wanted, atol=0.6)
+
+
 def test_a_glimpse_is_the_papers_held_out_view(run: Run) -> None:
     state = state_from_arrays(run.program.start(), run.last)
-    program, skip = run.program, run.program.config.render.skip
-    pose = jax.tree.map(lambda leaf: leaf[0], poses_at([30.0], 45.0, radius=4.0, focal=1111.1111 / 800))
-    bound, samples = program.config.scene.bound, program.config.render.samples
-    see = view_renderer(program.field, state.params, state.origin, state.occupancy, samples=samples, bound=bound, skip=skip)
-    wanted, glimpse = 255 * on_white(see(pose, 8)), run.program.glimpse(state)
+    glimpse = run.program.glimpse(state)
     assert glimpse.dtype == np.uint8 and np.ptp(glimpse) > 0
-    np.testing.assert_allclose(glimpse, wanted, atol=0.6)
+    np.testing.assert_allclose(glimpse, seen(run.program, state, 45.0, radius=4.0, focal=1111.1111 / 800), atol=0.6)
     assert_same(state_to_arrays(state), run.last)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dreamfields_core.config import DreamConfig, HybridConfig, validate
-from dreamfields_core.dreaming.losses import similarity
+from dreamfields_core.dreaming.losses import cosines
 from dreamfields_core.dreaming.program import DreamProgram
 from dreamfields_core.guidance.views import embedding_at
 from dreamfields_core.scene.cameras import Pose, sample_poses
@@ -91,5 +91,5 @@ def test_the_gradient_leads_each_copy_to_its_own_caption() -> None:
     rng = np.random.default_rng(2)
     copies, four = jnp.asarray(rng.normal(size=(3, 5)), jnp.float32), jnp.asarray(rng.normal(size=(4, 5)), jnp.float32)
     azimuth, elevation = jnp.deg2rad(jnp.array([-90.0, 90.0, 10.0])), jnp.deg2rad(jnp.array([0.0, 30.0, 89.0]))
-    gradient = jax.jit(jax.grad(lambda images: similarity(images, embedding_at(four, azimuth, elevation))))(copies)
+    gradient = jax.jit(jax.grad(lambda images: jnp.mean(cosines(images, embedding_at(four, azimuth, elevation)))))(copies)
     np.testing.assert_allclose(gradient, np.asarray(four)[[0, 2, 3]] / 3, rtol=1e-6)

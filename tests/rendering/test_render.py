@@ -130,17 +130,17 @@ def settled() -> tuple:
 def test_skipping_leaves_the_picture_as_it_is(settled: tuple, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(images, "BLOCK", 100)  # 144 rays: one block whole, one filled up
     field, params, occupancy = settled
-    poses = poses_at([30.0], 20.0, radius=4.0, focal=1.4)
+    pose = jax.tree.map(lambda leaf: leaf[0], poses_at([30.0], 20.0, radius=4.0, focal=1.4))
     skip = SkipConfig(threshold=1e-3, chunk=512)
     views = [
-        images.render_views(field, params, CENTER, occupancy, poses, size=12, samples=48, bound=1.0, skip=setting)
+        images.view_renderer(field, params, CENTER, occupancy, samples=48, bound=1.0, skip=setting)(pose, 12)
         for setting in (skip, skip.model_copy(update={"enabled": False}))
     ]
     # What counts as empty has at most threshold optical depth a sample, in at most 48 of them.
     for name in ("color", "transmittance"):
         np.testing.assert_allclose(getattr(views[0], name), getattr(views[1], name), atol=48e-3)
         assert np.abs(getattr(views[0], name) - getattr(views[1], name)).mean() < 5e-3
-    assert views[0].color.shape == (1, 12, 12, 3) and views[0].depth.shape == (1, 12, 12)
+    assert views[0].color.shape == (12, 12, 3) and views[0].depth.shape == (12, 12)
 
 
 def test_blocks_of_rays_make_one_picture(settled: tuple, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from dreamfields_core.config import HybridConfig, ResidualMLPConfig, SkipConfig
 from dreamfields_core.dreaming.blur import gaussian_blur
-from dreamfields_core.dreaming.losses import clipped_transmittance, similarity
+from dreamfields_core.dreaming.losses import clipped_transmittance, cosines
 from dreamfields_core.fields import build_field
 from dreamfields_core.fields.encodings import integrated_encoding
 from dreamfields_core.rendering.compositing import composite, optical_depths, transmittance_before, weights_of
@@ -58,8 +58,8 @@ EQUATIONS: dict[str, tuple[Callable, tuple]] = {
     "composite": (composite, (uniform(2, 300), uniform(2, 300, 3), uniform(2, 300))),
     "integrated_encoding": (integrated_encoding, (20.0 * uniform(7, 3), some_gaussians())),
     "gaussian_blur": (gaussian_blur, (uniform(5, 5, 3), jnp.float32(1.3))),
-    "similarity": (similarity, (uniform(4, 6), uniform(6))),
-    "similarity, a caption each": (similarity, (uniform(4, 6), uniform(4, 6))),
+    "cosines": (cosines, (uniform(4, 6), uniform(6))),
+    "cosines, a caption each": (cosines, (uniform(4, 6), uniform(4, 6))),
     "clipped_transmittance": (clipped_transmittance, (uniform(2, 9, 9), uniform(2))),
 }
 """Every equation of geometry, encoding, optical depth and loss, with arguments; a new one joins here."""

@@ -12,7 +12,7 @@ from dreamfields_core.dreaming.augmentations import augmented_copies
 from dreamfields_core.dreaming.blur import blur_matrix, gaussian_blur
 from dreamfields_core.dreaming.program import DreamProgram
 from dreamfields_core.guidance.resize import resize
-from dreamfields_core.rendering.images import render_views
+from dreamfields_core.rendering.images import view_renderer
 from dreamfields_core.rendering.occupancy import DENSEST, Occupancy, cell_index, occupied_cells, refresh, unknown_occupancy
 from dreamfields_core.scene.cameras import camera_rays, poses_at
 from dreamfields_core.types import Rendering
@@ -62,10 +62,12 @@ def test_a_picture_of_one_pixel_in_one_sample_of_one_cell(settings: dict) -> Non
     skip = SkipConfig(resolution=1, chunk=1, **settings)
     occupancy = Occupancy(density=jnp.full((1, 1, 1), 2.0), known=jnp.ones((), bool))
     raw = float(np.log(np.expm1(0.5)))
-    seen = render_views(medium(), {"raw": raw}, NOWHERE, occupancy, poses, size=1, samples=1, bound=1.0, skip=skip)
-    # Straight down through the middle: a chord of 2, which is one piece of the diagonal's 3.46.
-    np.testing.assert_allclose(seen.transmittance, np.exp(-0.5 * 2.0), rtol=1e-6)
-    assert seen.color.shape == (2, 1, 1, 3) and np.isfinite(seen.depth).all()
+    see = view_renderer(medium(), {"raw": raw}, NOWHERE, occupancy, samples=1, bound=1.0, skip=skip)
+    for view in range(2):
+        seen = see(jax.tree.map(lambda leaf, view=view: leaf[view], poses), 1)
+        # Straight down through the middle: a chord of 2, which is one piece of the diagonal's 3.46.
+        np.testing.assert_allclose(seen.transmittance, np.exp(-0.5 * 2.0), rtol=1e-6)
+        assert seen.color.shape == (1, 1, 3) and np.isfinite(seen.depth).all()
 
 
 @pytest.mark.parametrize("raw", [np.inf, np.nan, 3e38])
