@@ -15,7 +15,7 @@ import numpy as np
 def look_at_rays(
     azimuth: float, elevation: float, radius: float, focal: float, origin: np.ndarray, size: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, directions and radii [size, size, ...] of a look-at camera (paper section 4.3); angles in radians.
+    """Positions, directions and radii [size, size, ...] of a look-at camera (paper section 4.4); angles in radians.
 
     The camera's matrix comes from cross products with the world's up, which is why it cannot look straight down.
     """
@@ -38,7 +38,7 @@ def look_at_rays(
 
 
 def ray_cube(start: np.ndarray, direction: np.ndarray, center: np.ndarray, bound: float) -> tuple[float, float]:
-    """Where one ray enters and leaves a cube, (0, 0) if nowhere: the intersection of three slabs (paper section 4.5)."""
+    """Where one ray enters and leaves a cube, (0, 0) if nowhere: the intersection of three slabs (paper section 4.6)."""
     near, far = 0.0, math.inf
     for axis in range(3):
         place, speed = float(start[axis]) - float(center[axis]), float(direction[axis])
@@ -95,7 +95,7 @@ def softplus(x: np.ndarray) -> np.ndarray:
 
 
 def residual_mlp(params: dict, encoded: np.ndarray) -> np.ndarray:
-    """Raw density and colour [4] of one encoded sample (paper section 4.6)."""
+    """Raw density and colour [4] of one encoded sample (paper section 4.7)."""
 
     def dense(layer: dict, x: np.ndarray) -> np.ndarray:
         return x @ layer["kernel"] + layer["bias"]
@@ -144,7 +144,7 @@ def total_variation(grid: np.ndarray) -> float:
 
 
 def hybrid(params: dict, point: np.ndarray, config: object, bound: float) -> np.ndarray:
-    """Raw density and colour [4] at one point: grids resampled to the finest and added, then the network (paper appendix B)."""
+    """Raw density and colour [4] at one point: grids resampled to the finest and added, then the network (paper appendix D)."""
     grids, finest = params["grids"], max(config.resolutions)
     whole = sum(config.falloff**level * resample(grids[f"grid{size}"], finest) for level, size in enumerate(config.resolutions))
     features = read_grid(whole, point, bound)
@@ -156,7 +156,7 @@ def hybrid(params: dict, point: np.ndarray, config: object, bound: float) -> np.
 
 
 def composite(density: np.ndarray, length: np.ndarray, colors: np.ndarray, distances: np.ndarray) -> dict[str, np.ndarray | float]:
-    """One ray, from the eye on (paper equations 1 to 3, NeRF equation 3)."""
+    """One ray, from the eye on (paper equations 1 to 4, NeRF equation 3)."""
     seen, depth, opacity = 0.0, 0.0, 0.0
     color, weights = np.zeros(3), []
     for sigma, delta, tint, distance in zip(density, length, colors, distances, strict=True):
@@ -195,7 +195,7 @@ def geometric(step: int, start: float, end: float, steps: int) -> float:
 
 
 def clipped_transmittance(transmittance: np.ndarray, target: np.ndarray) -> float:
-    """Paper equation 5 with its sign, averaged over views [V, H, W]."""
+    """Paper equation 8 with its sign, averaged over views [V, H, W]."""
     return -sum(min(float(tau), float(view.mean())) for view, tau in zip(transmittance, target, strict=True)) / len(target)
 
 
@@ -217,7 +217,7 @@ def blur(picture: np.ndarray, deviation: float, reach: int) -> np.ndarray:
 
 
 def track_origin(origin: np.ndarray, opacities: np.ndarray, points: np.ndarray, decay: float) -> np.ndarray:
-    """Moving average of the centre of mass (paper section 4.5); an empty scene has none."""
+    """Moving average of the centre of mass (paper section 4.6); an empty scene has none."""
     if opacities.sum() <= 1e-6:
         return origin
     return decay * origin + (1.0 - decay) * (opacities[:, None] * points).sum(axis=0) / opacities.sum()

@@ -1,4 +1,4 @@
-"""How the field is moved toward the caption (paper sections 3.2, 4.2 and 4.4, appendix C)."""
+"""How the field is moved toward the caption (paper sections 3.2, 4.2 and 4.5, appendix C)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Regularizer = Literal["none", "density_noise", "beta_prior", "gated", "clipped_g
 
 
 class AugmentConfig(Part):
-    """Backgrounds behind the object in training (paper section 4.4), drawn evenly from the kinds named.
+    """Backgrounds behind the object in training (paper section 4.5), drawn evenly from the kinds named.
 
     copies: augmented copies of every view.
     blur: largest standard deviation of the Gaussian blur of the background, pixels.
@@ -48,10 +48,10 @@ class GuidanceConfig(Part):
 
 
 class LossConfig(Part):
-    """What keeps a scene sparse (paper section 4.4 and table 3), and how sparse it shall be.
+    """What keeps a scene sparse (paper section 4.5 and table 2), and how sparse it shall be.
 
-    regularizer: clipped_additive is the paper's own (equations 5 and 6); none, density_noise, beta_prior, gated and clipped_gated are
-    those that it is compared with (table 3).
+    regularizer: clipped_additive is the paper's own (equations 8 and 9); none, density_noise, beta_prior, gated and clipped_gated are
+    those that it is compared with (table 2).
     transmittance: weight lambda of clipped_additive. beta: weight of beta_prior.
     noise_start -> noise_end: standard deviation of density_noise, added to the raw density, annealed evenly over noise_steps.
     opacity_start -> opacity_end: target mean opacity, annealed geometrically over anneal_steps,

@@ -30,7 +30,7 @@ class EncodingConfig(Part):
 
 
 class ResidualMLPConfig(EncodingConfig):
-    """The paper's network (section 4.6): the encoding into residual blocks."""
+    """The paper's network (section 4.7): the encoding into residual blocks."""
 
     kind: Literal["residual_mlp"] = "residual_mlp"
     width: Count = 128
@@ -50,7 +50,7 @@ class NeRFMLPConfig(EncodingConfig):
 
 
 class SignedDistanceConfig(EncodingConfig):
-    """A signed distance, from which density follows (paper appendix D, VolSDF): a ball, bent by the paper's network.
+    """A signed distance, from which density follows (paper appendix E, VolSDF): a ball, bent by the paper's network.
 
     radius: of the ball that it starts from, world units.
     softness: beta that it starts from, the width of the surface in world units; learned from there.
@@ -69,7 +69,7 @@ class SignedDistanceConfig(EncodingConfig):
 
 
 class VoxelGridConfig(Part):
-    """Raw density and colour logits at the vertices of one grid, without a network (the paper's baseline, appendix B).
+    """Raw density and colour logits at the vertices of one grid, without a network (the paper's baseline, appendix D).
 
     resolution: vertices a side.
     empty: raw density that the grid starts from. spread: standard deviation of the numbers that it starts from.
@@ -87,7 +87,7 @@ class VoxelGridConfig(Part):
 
 
 class ImagePlaneConfig(Part):
-    """A picture with opacity that faces one camera (the paper's baseline, appendix B); from elsewhere a thin sheet is seen.
+    """A picture with opacity that faces one camera (the paper's baseline, appendix D); from elsewhere a thin sheet is seen.
 
     azimuth, elevation, radius: of the camera that it faces, as in `camera`; degrees, world units. It fills that camera's view
     if `camera` is fixed there and `extent` is half the radius over the focal length.
@@ -110,7 +110,7 @@ class ImagePlaneConfig(Part):
 
 
 class HybridConfig(Part):
-    """Feature grids of several resolutions and a small network, as the paper's appendix B proposes.
+    """Feature grids of several resolutions and a small network, as the paper's appendix D proposes.
 
     resolutions: cells a side of each grid, coarse to fine.
     falloff: weight of each grid relative to the one before.

@@ -1,4 +1,4 @@
-"""Where the object may be and from where it is seen (paper sections 4.3 and 4.5)."""
+"""Where the object may be and from where it is seen (paper sections 4.4 and 4.6)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FARTHEST = 1000.0
 
 
 class SceneConfig(Part):
-    """Where the object may be (paper section 4.5).
+    """Where the object may be (paper section 4.6).
 
     bound: half-side of the cube outside of which density is zero, world units. There is always a cube; one of 1.8 holds all that the
     paper's camera sees, and masks nothing in its view.
@@ -27,7 +27,7 @@ class SceneConfig(Part):
 
 
 class CameraConfig(Part):
-    """Poses drawn in training (paper section 4.3); angles in degrees, radius in world units, focal in image widths.
+    """Poses drawn in training (paper section 4.4); angles in degrees, radius in world units, focal in image widths.
 
     views: poses a step; their azimuths are drawn evenly spaced with a common random turn and an own jitter of half a gap.
     """

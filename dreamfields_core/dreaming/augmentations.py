@@ -1,4 +1,4 @@
-"""From a rendered view to the pictures that the guidance sees: backgrounds and crops (paper sections 4.3 and 4.4)."""
+"""From a rendered view to the pictures that the guidance sees: backgrounds and crops (paper sections 4.4 and 4.5)."""
 
 from __future__ import annotations
 

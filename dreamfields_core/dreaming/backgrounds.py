@@ -1,4 +1,4 @@
-"""What stands behind the object in training (paper section 4.4): with a random background, haze cannot pass for an object.
+"""What stands behind the object in training (paper section 4.5): with a random background, haze cannot pass for an object.
 
 All pictures are [H, W, 3] in [0, 1].
 """

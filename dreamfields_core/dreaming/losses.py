@@ -1,4 +1,4 @@
-"""What a dream minimises (paper sections 3.2, 4.4 and 5.4).
+"""What a dream minimises (paper sections 4.2, 4.5 and 5.4).
 
 Symbols: T transmittance of each pixel, [V, H, W] in [0, 1]; tau target of each view, [V]; cosines of the pictures with the caption, [B],
 each view's copies one after another, minus their mean being L_CLIP.
@@ -26,7 +26,7 @@ def cosines(image_embeddings: Array, text_embedding: Array) -> Array:
 
 
 def regularized(cosines: Array, transmittance: Array, target: Array, loss: LossConfig) -> Array:
-    """L_total with the regulariser that `loss` names (paper table 3); []. Density noise acts in the rendering and adds nothing here."""
+    """L_total with the regulariser that `loss` names (paper table 2); []. Density noise acts in the rendering and adds nothing here."""
     cosines, transmittance, target = in_float32((cosines, transmittance, target))
     match loss.regularizer:
         case "clipped_additive":
@@ -41,26 +41,26 @@ def regularized(cosines: Array, transmittance: Array, target: Array, loss: LossC
 
 
 def clipped_transmittance(transmittance: Array, target: Array) -> Array:
-    """L_T = -min(tau, mean T), paper equation 5, averaged over views."""
+    """L_T = -min(tau, mean T), paper equation 8, averaged over views."""
     transmittance, target = in_float32((transmittance, target))
     return -jnp.mean(jnp.minimum(target, jnp.mean(transmittance, axis=(1, 2))))
 
 
 def clipped_gated(cosines: Array, transmittance: Array, target: Array) -> Array:
-    """min(tau, mean T) L_CLIP of each view, averaged over views (paper section 5.4, the equation after the beta prior's)."""
+    """min(tau, mean T) L_CLIP of each view, averaged over views (paper equation 11)."""
     gate = jnp.minimum(target, jnp.mean(transmittance, axis=(1, 2)))
     return -jnp.mean(gate * by_view(cosines, views=gate.shape[0]))
 
 
 def gated(cosines: Array, transmittance: Array) -> Array:
-    """mean(T) L_CLIP of each view, averaged over views (Mordvintsev et al. 2018; paper table 3, whose row has one minus too many:
+    """mean(T) L_CLIP of each view, averaged over views (Mordvintsev et al. 2018; paper table 2, whose row has one minus too many:
     it would drive pictures away from their caption)."""
     gate = jnp.mean(transmittance, axis=(1, 2))
     return -jnp.mean(gate * by_view(cosines, views=gate.shape[0]))
 
 
 def beta_prior(transmittance: Array) -> Array:
-    """mean(log T + log(1 - T)) (Neural Volumes, Lombardi et al. 2019; paper section 5.4): least where rays pass or are stopped wholly."""
+    """mean(log T + log(1 - T)) (Neural Volumes, Lombardi et al. 2019; paper equation 10): least where rays pass or are stopped wholly."""
     clear = jnp.clip(transmittance, CLEAREST, 1.0 - CLEAREST)
     return jnp.mean(jnp.log(clear) + jnp.log1p(-clear))
 

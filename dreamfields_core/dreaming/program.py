@@ -136,7 +136,7 @@ class DreamProgram:
         encoder_params: Params,
         text_embedding: Array,
     ) -> tuple[Array, tuple[Metrics, Tally]]:
-        """L_total with its regulariser (paper equation 6, table 3) + the field's own penalty."""
+        """L_total with its regulariser (paper equation 9, table 2) + the field's own penalty."""
         config = self.config
         copies = batch_over(self.mesh, augmented_copies(key, views, augment=config.augment, crop=config.render.crop))
         scores = cosines(self.encoder.encode_image(encoder_params, copies), self._goal(text_embedding, pose))

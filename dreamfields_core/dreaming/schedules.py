@@ -37,7 +37,7 @@ def learning_rate(step: Array, optim: OptimConfig) -> Array:
 
 
 def target_transmittance(step: Array, pose: Pose, loss: LossConfig) -> Array:
-    """tau of paper equation 5 for each pose, [...]: 1 - tau is annealed and scales with focal^2 / radius^2.
+    """tau of paper equation 8 for each pose, [...]: 1 - tau is annealed and scales with focal^2 / radius^2.
 
     At the paper's camera this runs from 0.4 to 0.88.
     """

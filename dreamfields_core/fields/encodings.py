@@ -15,7 +15,7 @@ from dreamfields_core.types import Array, Gaussians
 
 
 def sample_frequencies(key: Array, count: int, *, levels: float) -> Array:
-    """Paper equation 4: omega = 2^u d, u uniform on [0, levels], d uniform on the sphere. Returns [count, 3]."""
+    """Paper equation 6: omega = 2^u d, u uniform on [0, levels], d uniform on the sphere. Returns [count, 3]."""
     level_key, direction_key = jax.random.split(key)
     direction = jax.random.normal(direction_key, (count, 3))
     direction = direction / jnp.linalg.norm(direction, axis=-1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Feature grids from coarse to fine, added up, and a small network that reads the sum (paper appendix B, last sentence).
+"""Feature grids from coarse to fine, added up, and a small network that reads the sum (paper appendix D, last sentence).
 
 The coarse grids move large regions at once and the fine ones add detail: the sum is a multi-resolution basis, which Adam
 conditions level by level. The grids are added into one before a step's samples are read, so a sample costs one lookup.

@@ -1,4 +1,4 @@
-"""A picture with opacity, as a thin sheet that faces one camera: the paper's two-dimensional baseline (appendix B).
+"""A picture with opacity, as a thin sheet that faces one camera: the paper's two-dimensional baseline (appendix D).
 
 Symbols: s height above the sheet, toward the camera; w the thickness, standard deviation of the sheet's profile; r the camera's
 distance; a the opacity of a pixel. Density is softplus(logit a) times the profile, whose integral along every ray of that camera is

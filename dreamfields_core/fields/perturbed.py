@@ -1,4 +1,4 @@
-"""A field whose raw density is disturbed at random, anew at every sample (NeRF, appendix A; paper table 3, "perturb sigma").
+"""A field whose raw density is disturbed at random, anew at every sample (NeRF, appendix A; paper table 2, "perturb sigma").
 
 It is wrapped around any field and rendered in its place, so the renderer knows nothing of it. A sample's noise is drawn from the key and
 the bits of its position: the same whoever evaluates it, once or, for the gradient, again.

@@ -1,4 +1,4 @@
-"""The paper's network (section 4.6): residual blocks with layer normalisation and a widened middle, swish throughout."""
+"""The paper's network (section 4.7): residual blocks with layer normalisation and a widened middle, swish throughout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Density from a signed distance (paper appendix D; VolSDF, Yariv et al. 2021).
+"""Density from a signed distance (paper appendix E; VolSDF, Yariv et al. 2021).
 
 Symbols: d signed distance to the surface, negative inside; beta width of the surface; sigma = Psi_beta(-d) / beta the density, Psi the
 distribution function of Laplace's distribution of scale beta.

@@ -1,4 +1,4 @@
-"""Density and colours at the vertices of one grid, without a network: the paper's voxel baseline (appendix B)."""
+"""Density and colours at the vertices of one grid, without a network: the paper's voxel baseline (appendix D)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Emission and absorption along a ray (paper equations 1 to 3).
+"""Emission and absorption along a ray (paper equations 1 to 4).
 
 Symbols: tau_i optical depth of piece i, density times length; T_i transmittance in front of it; w_i the share of the pixel
 that it colours. Transmittance is the exponential of a sum, never a product of differences, and opacity -expm1(-tau): both
@@ -35,7 +35,7 @@ def transmittance_before(depths: Array) -> Array:
 
 
 def weights_of(depths: Array) -> Array:
-    """w_i = T_i (1 - exp(-tau_i)), paper equation 2; [..., S], in [0, 1], their sum at most 1."""
+    """w_i = T_i (1 - exp(-tau_i)), paper equation 3; [..., S], in [0, 1], their sum at most 1."""
     depths = in_float32(depths)
     return transmittance_before(depths) * -jnp.expm1(-depths)
 

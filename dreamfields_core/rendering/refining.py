@@ -92,7 +92,7 @@ def _ask(field: Field, prepared: Params, samples: Samples, mask: Array, *, skip:
 
 
 def worth_refining(depths: Array, *, threshold: float) -> Array:
-    """Steps [R, S] that may colour their pixel by more than `threshold`: w = T (1 - exp(-tau)), paper equation 2.
+    """Steps [R, S] that may colour their pixel by more than `threshold`: w = T (1 - exp(-tau)), paper equation 3.
 
     A surface may begin within a step whose middle is still empty, so tau is the largest of the step and its two neighbours, and T
     is what reaches the neighbour in front.

@@ -142,7 +142,7 @@ def _stated(mean: float, error: float | None) -> Estimate:
 
 
 def _guided_by(entry: Entry, judge: str) -> bool:
-    """Whether the judge's weights had guided (the diagonal of the paper's table 2)."""
+    """Whether the judge's weights had guided (the diagonal of the paper's table 3)."""
     encoders = (entry.result or {}).get("encoders") or {}
     guide, first = (encoders.get(role) or {} for role in ("guidance", "judge"))
     return guide.get("name") == judge or bool(encoders.get("same_model") and first.get("name") == judge)

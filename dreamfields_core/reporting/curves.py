@@ -1,4 +1,4 @@
-"""Learning curves: one object's, thinned, and the mean of a variant's with its standard error (paper appendix C)."""
+"""Learning curves: one object's, thinned, and the mean of a variant's with its standard error (paper appendix F)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Cameras, rays, the cube they cross and the origin it follows (paper sections 4.3 and 4.5)."""
+"""Cameras, rays, the cube they cross and the origin it follows (paper sections 4.4 and 4.6)."""

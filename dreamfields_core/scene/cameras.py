@@ -1,4 +1,4 @@
-"""Where the camera stands and what ray each pixel sends out (paper section 4.3).
+"""Where the camera stands and what ray each pixel sends out (paper section 4.4).
 
 Symbols: azimuth phi about Z, elevation theta above the horizon, radius r from the scene's origin; the camera looks at the
 origin, its picture upright. Focal lengths are in image widths, so that they do not depend on resolution.
@@ -41,7 +41,7 @@ def poses_at(azimuths: Sequence[float], elevation: float, *, radius: float, foca
 
 
 def sample_poses(key: Array, camera: CameraConfig) -> Pose:
-    """Draw the poses of one step (paper section 4.3). Returns a Pose of shape [camera.views].
+    """Draw the poses of one step (paper section 4.4). Returns a Pose of shape [camera.views].
 
     The azimuth range is cut into as many even parts as there are views; all are turned by one random angle and each is drawn
     within its part, so that every view alone is uniform and together they see the object from all sides.

@@ -1,4 +1,4 @@
-"""Where a ray crosses the cube that bounds the scene (paper section 4.5), by slabs."""
+"""Where a ray crosses the cube that bounds the scene (paper section 4.6), by slabs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scene's origin follows the object (paper section 4.5): an average of the centres of mass seen so far."""
+"""The scene's origin follows the object (paper section 4.6): an average of the centres of mass seen so far."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ def test_density_noise_falls_evenly_and_then_stays() -> None:
 
 
 def twin_of(name: str, cosines: np.ndarray, transmittance: np.ndarray, target: np.ndarray) -> float:
-    """L_total as the rows of the paper's table 3 say it, view by view, with its weights of 0.5 and 0.001."""
+    """L_total as the rows of the paper's table 2 say it, view by view, with its weights of 0.5 and 0.001."""
     copies = len(cosines) // len(target)
     total = 0.0
     for view, tau in enumerate(target):

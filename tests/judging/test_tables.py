@@ -44,7 +44,7 @@ def test_with_one_seed_a_caption_it_is_the_plain_standard_error(values: list[flo
 
 
 def test_the_papers_own_errors_come_out_of_its_counts() -> None:
-    """Table 1: 96 of 306 objects, taken as independent, are 31.37 +- 2.6569 percent; table 3: 54 of 153 are 35.2941 +- 3.8762."""
+    """Table 1: 96 of 306 objects, taken as independent, are 31.37 +- 2.6569 percent; table 2: 54 of 153 are 35.2941 +- 3.8762."""
     for right, objects, mean, error in ((96, 306, 31.3725, 2.6569), (54, 153, 35.2941, 3.8762)):
         found = clustered_mean([1.0] * right + [0.0] * (objects - right), [str(i) for i in range(objects)])
         assert (round(100 * found.mean, 4), round(100 * found.error, 4)) == (mean, error)
