@@ -26,8 +26,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from dreamfields_core.config import DreamConfig
 from dreamfields_core.judging.retrieval import Retrieval, mean_with_error, retrieve
+from dreamfields_core.png import png
 from dreamfields_core.rendering.images import on_shade
-from dreamfields_core.rendering.pictures import BACKDROP, picture, png
+from dreamfields_core.rendering.pictures import BACKDROP, picture
 from dreamfields_core.scene.cameras import poses_at
 from dreamfields_core.teaching import words
 from dreamfields_core.teaching.control import BLOBS

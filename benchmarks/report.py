@@ -17,7 +17,8 @@ import numpy as np
 
 from benchmarks.drawing import sheet
 from benchmarks.timing import Times
-from dreamfields_core.rendering.pictures import png, webp_animation
+from dreamfields_core.png import png
+from dreamfields_core.rendering.pictures import webp_animation
 from flows.report import write_page
 from flows.sweep_record import Member, entries
 from flows.sweep_report import page_of, report_of

@@ -16,7 +16,8 @@ from prefect.artifacts import (
 )
 from prefect.logging import get_run_logger
 
-from dreamfields_core.rendering.pictures import read_png, thumbnail, webp
+from dreamfields_core.png import read_png
+from dreamfields_core.rendering.pictures import thumbnail, webp
 from flows.order import Order
 from flows.pace import Pace
 from storage.artifacts import get_artifact

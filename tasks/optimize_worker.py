@@ -69,7 +69,7 @@ class Previews:
         begun = time.monotonic()
         if begun < self._due or self._path is None:
             return
-        from dreamfields_core.rendering.pictures import png
+        from dreamfields_core.png import png
         from storage.errors import StorageError
         from storage.local import write_file
 
@@ -153,7 +153,7 @@ def _results(dreamer: Any, store: Any) -> Event:
     """The files that the step gives, and its last numbers."""
     import numpy as np
 
-    from dreamfields_core.rendering.pictures import png
+    from dreamfields_core.png import png
     from storage.artifacts import put_artifact
     from tasks.finished_field import MEDIA_TYPE, pack_field
 

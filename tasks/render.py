@@ -7,8 +7,9 @@ import io
 import numpy as np
 
 from dreamfields_core.config import EvaluateConfig
+from dreamfields_core.png import png
 from dreamfields_core.rendering.images import on_shade, on_white
-from dreamfields_core.rendering.pictures import BACKDROP, contact_sheet, depth_shades, picture, png, transmittance_shades
+from dreamfields_core.rendering.pictures import BACKDROP, contact_sheet, depth_shades, picture, transmittance_shades
 from dreamfields_core.scene.cameras import Pose, poses_at
 from dreamfields_core.types import Rendering
 from tasks.film import full_turn, keep_films

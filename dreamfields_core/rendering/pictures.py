@@ -1,4 +1,4 @@
-"""Renderings as pictures for people: 8-bit colour, depth and transmittance, a contact sheet with its caption, PNG and WebP bytes.
+"""Renderings as pictures for people: 8-bit colour, depth and transmittance, a contact sheet with its caption, WebP bytes.
 
 Symbols: V views, H height, W width. Pictures are uint8 [H, W, 3].
 """
@@ -11,8 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from dreamfields_core.png import png as png
-from dreamfields_core.png import read_png as read_png
 from dreamfields_core.rendering.images import on_shade
 from dreamfields_core.types import Rendering
 

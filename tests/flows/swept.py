@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dreamfields_core.rendering.pictures import png, webp_animation
+from dreamfields_core.png import png
+from dreamfields_core.rendering.pictures import webp_animation
 from storage.artifacts import ArtifactRef, put_artifact
 from storage.contract import Store
 from storage.digests import json_digest
