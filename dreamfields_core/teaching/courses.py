@@ -17,7 +17,10 @@ COURSES: dict[str, Course] = {
             Term(1950, 1.2e-3, radius=1.0, ramp=651),
             Term(1800, 1e-3, radius=1.0),
             Term(7500, 1.2e-3, radius=1.0, alike=8),
+            Term(6600, 1.2e-3, alike=8, pairs=0.4),
+            Term(6000, 1e-3, radius=1.0, ramp=600, alike=8, pairs=0.4),
         ),
+        pages=100,
     ),
     "judge": Course(
         seed=2,
@@ -28,6 +31,9 @@ COURSES: dict[str, Course] = {
             Term(1500, 6e-4, radius=0.5),
             Term(4200, 1e-3, alike=8),
             Term(1500, 6e-4, radius=0.5, ramp=300, alike=8),
+            Term(7500, 1e-3, alike=8, pairs=0.4),
+            Term(2100, 6e-4, radius=0.5, ramp=300, alike=8, pairs=0.4),
         ),
+        pages=100,
     ),
 }
