@@ -107,6 +107,11 @@ def dream_key(caption: str, config: DreamConfig, among: Sequence[str] = ()) -> s
     return json_digest([caption, config.model_dump(mode="json"), *([list(among)] if among else [])])
 
 
+def sweep_key(name: str) -> str:
+    """Under which the store knows a sweep."""
+    return json_digest(["sweep", name])
+
+
 def folder_name(caption: str, key: str) -> str:
     """Of the run's own folder among the others; another dream has another."""
     return f"{plain_name(caption)}-{key[:8]}"

@@ -19,11 +19,10 @@ from pathlib import Path
 from typing import Any
 
 from flows.exports import check_formats
-from flows.order import OrderError
+from flows.order import OrderError, sweep_key
 from flows.pull_folder import MANIFEST, gone, read_manifest, remove, said, write_manifest
 from flows.pull_object import ABOUT, Wanted, about_bytes, bring, read_about, same_facts, wanted
 from storage.contract import Store
-from storage.digests import json_digest
 from storage.errors import BadReference, DamagedArtifact, DamagedRecord, MissingArtifact
 from storage.local import explained, make_folder, write_file
 from storage.locks import flock
@@ -155,7 +154,7 @@ def _records(store: Store, folder: Path) -> tuple[dict[str, StepRecord], dict[st
 
 
 def _of_sweep(store: Store, name: str) -> set[str]:
-    record = find_record(store, "sweep", json_digest(["sweep", name]))  # as `sweep_record.sweep_key`, whose import takes seconds
+    record = find_record(store, "sweep", sweep_key(name))
     if record is None:
         raise OrderError(f'expected the name of a sweep in {store.url}, got "{name}": give the name of one that was run there')
     return {entry["key"] for entry in record.values["entries"]}

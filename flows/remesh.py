@@ -14,12 +14,12 @@ from rich.console import Console
 from dreamfields_core.config import DreamConfig, override, parts, validate
 from flows.display import Display
 from flows.exports import check_formats, files_of
-from flows.order import OrderError, address_of
+from flows.order import OrderError, address_of, dream_key
 from flows.recipe import Plainly
 from flows.slugs import slug
 from storage.artifacts import ArtifactRef, is_present, put_artifact
 from storage.contract import Store
-from storage.digests import json_digest, sha256_file
+from storage.digests import sha256_file
 from storage.errors import BadReference
 from storage.local import write_file
 from storage.steps import StepRecord, read_records
@@ -43,7 +43,7 @@ class Dreamt:
     @property
     def name(self) -> str:
         """For a folder."""
-        return slug(self.caption, json_digest([self.caption, self.config.model_dump(mode="json")]))
+        return slug(self.caption, dream_key(self.caption, self.config))
 
 
 def remesh(run: str, *, store: str | None = None, formats: Sequence[str], settings: Sequence[str], out: Path | None = None) -> list[Path]:

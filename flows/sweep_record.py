@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from dreamfields_core.reporting.contract import Entry
-from flows.order import folder_name
+from flows.order import folder_name, sweep_key
 from flows.report import POSTER, lay_out, read_history
 from flows.result import SCORED, find_dream, find_made, told
 from flows.slugs import plain_name
 from flows.sweep_plan import Cell, Plan
 from storage.artifacts import ArtifactRef, export
 from storage.contract import Store
-from storage.digests import json_digest
 from storage.errors import DamagedArtifact, MissingArtifact
 from storage.steps import StepRecord, find_record, put_record
 from tasks.version import code_version
@@ -73,11 +72,6 @@ def keep_sweep(
             },
         ),
     )
-
-
-def sweep_key(name: str) -> str:
-    """Under which the store knows a sweep."""
-    return json_digest(["sweep", name])
 
 
 def sweeps(store: Store) -> list[StepRecord]:

@@ -12,11 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from flows.order import OrderError
+from flows.order import OrderError, sweep_key
 from flows.pull import Only, Pulled, pull
 from flows.pull_folder import MANIFEST
 from flows.pull_object import ABOUT
-from flows.sweep_record import sweep_key
 from storage.contract import Entry, Store
 from storage.digests import json_digest, sha256_file
 from storage.errors import StoreNotWritable
