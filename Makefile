@@ -1,5 +1,6 @@
 # Two commands matter: `make demo` dreams one caption, `make test` says whether all is well. Both set up what they need.
-# A fresh machine needs Python 3.11 or newer and make. PYTHON=... chooses the interpreter, CAPTION=... the dream.
+# A fresh machine needs Python 3.11 or newer and make. PYTHON=... chooses the interpreter, CAPTION=... the dream,
+# WORKERS=... how many processes share the default tests.
 
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
@@ -9,6 +10,7 @@ SHELL := /bin/sh
 CAPTION ?= a red mushroom
 PRESET ?= draft
 OUT ?= dreams
+WORKERS ?= 2
 VENV := .venv
 PY := $(VENV)/bin/python
 PYTEST := PREFECT_SERVER_ANALYTICS_ENABLED=false DO_NOT_TRACK=1 $(PY) -m pytest
@@ -66,7 +68,7 @@ demo: setup
 	@$(VENV)/bin/dreamfields dream "$(CAPTION)" --preset $(PRESET) --out "$(OUT)"
 
 test: lint
-	@$(PYTEST)
+	@$(PYTEST) -n $(WORKERS) --dist loadfile
 
 # Exit code 5 says that no test is marked slow: nothing to run is nothing failed.
 test-slow: setup

@@ -11,6 +11,7 @@ import typer
 from dreamfields_core.captions import CaptionError
 from dreamfields_core.config import ConfigError
 from flows import asset_commands, report_command
+from flows.exits import INTERRUPTED
 from flows.order import OrderError, settle, take_order
 from flows.tables import TableError
 from storage.errors import BadAddress
@@ -30,8 +31,6 @@ UsageError = typer.BadParameter.__mro__[1]
 """Whatever the parser refuses. Newer releases of typer bring a click of their own, so it is found by kinship."""
 
 REFUSED = (BadAddress, CaptionError, ConfigError, EncoderError, OrderError, TableError)
-
-INTERRUPTED = 130
 
 Settings = Annotated[list[str] | None, typer.Option("--set", metavar="PART.KEY=VALUE", help="Change a setting; may be repeated.")]
 MODEL = "a name that `dreamfields models` lists, a folder, owner/name on the hub, or several as A+B*0.5"

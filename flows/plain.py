@@ -17,14 +17,12 @@ from rich.console import Console
 
 from flows.beside import Beside
 from flows.display import Display
+from flows.exits import INTERRUPTED, TERMINATED
 from flows.order import Order
 from flows.recipe import Dream, Plainly, make_object
 from flows.result import leave
 from storage.store import open_store
 from tasks.step import Event, Place
-
-INTERRUPTED = 130
-TERMINATED = 143
 
 
 class Terminated(BaseException):

@@ -14,7 +14,8 @@ from rich.console import Console
 
 from flows.beside import Beside
 from flows.display import Display
-from flows.plain import INTERRUPTED, TERMINATED, Terminated, notes, terminable
+from flows.exits import INTERRUPTED, TERMINATED
+from flows.plain import Terminated, notes, terminable
 from flows.report import write_page
 from flows.sweep_oracle import oracle_of
 from flows.sweep_plan import Cell, Plan

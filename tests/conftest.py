@@ -14,6 +14,7 @@ from pathlib import Path
 
 REPO = Path(__file__).resolve().parent.parent
 CACHE = REPO / ".cache"
+WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
 HOME = Path(tempfile.mkdtemp(prefix="dreamfields-tests-"))
 atexit.register(shutil.rmtree, HOME, ignore_errors=True)
 
@@ -34,8 +35,9 @@ os.environ.update(
     AWS_EC2_METADATA_DISABLED="true",
     MPLBACKEND="Agg",
     MPLCONFIGDIR=str(CACHE / "matplotlib"),
-    # Compiled programs are kept between runs of the suite: most of its time would be compilation.
-    JAX_COMPILATION_CACHE_DIR=str(CACHE / "jax"),
+    # Compiled programs are kept between runs of the suite: most of its time would be compilation. Each process keeps its own, as JAX
+    # writes them in place, where another would find half of one.
+    JAX_COMPILATION_CACHE_DIR=str(CACHE / "jax" / WORKER),
     JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS="0",
     JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES="-1",
     # An array of shape [3] never meets one of shape [4, 3] by accident: where ranks differ, the code says how they meet.

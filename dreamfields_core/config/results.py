@@ -29,6 +29,13 @@ class EvaluateConfig(Part):
     turntable_frames: Count = 36
 
 
+def coarse_cells(resolution: int) -> int:
+    """Cells a side of the lattice that is asked whole, before the surface is refined: halved while that leaves at least 64."""
+    while resolution % 2 == 0 and resolution >= 128:
+        resolution //= 2
+    return resolution
+
+
 class MeshConfig(Part):
     """resolution: cells a side of the finest lattice. level: density of the surface; None chooses the one whose silhouettes agree best
     with the field's opacity. faces: budget after simplification. error: world units; given, fewer faces still, as long as the surface moves
@@ -50,11 +57,8 @@ class MeshConfig(Part):
     @field_validator("resolution")
     @classmethod
     def _can_be_refined(cls, resolution: int) -> int:
-        """The lattice that is asked first is this one halved; it may have 128 cells a side at most. Better told before the dream."""
-        coarse = resolution
-        while coarse % 2 == 0 and coarse >= 128:
-            coarse //= 2
-        if coarse > 128:
+        """The lattice that is asked whole may have 128 cells a side at most. Better told before the dream."""
+        if coarse_cells(resolution) > 128:
             raise ValueError(f"expected at most 128 cells a side or a multiple of 64, got {resolution}: take {-(-resolution // 64) * 64}")
         return resolution
 

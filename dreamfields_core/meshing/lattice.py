@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dreamfields_core.config.results import coarse_cells
 from dreamfields_core.meshing.errors import BadResolution, FieldNotFinite
 
 Field = Callable[[np.ndarray], np.ndarray]
@@ -45,11 +46,8 @@ class Lattice:
 
     @property
     def coarse(self) -> int:
-        """Cells a side of the lattice that is asked whole: halved while that leaves at least 64."""
-        cells = self.resolution
-        while cells % 2 == 0 and cells >= 128:
-            cells //= 2
-        return cells
+        """Cells a side of the lattice that is asked whole."""
+        return coarse_cells(self.resolution)
 
     @property
     def stride(self) -> int:
