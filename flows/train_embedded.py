@@ -1,6 +1,7 @@
 """Teaches the image-text models that ship with the project: pictures, then lessons, then an examination.
 
     python -m flows.train_embedded --model guide        makes storage/embedded/guide.safetensors; killed, it goes on where it was
+    python -m flows.train_embedded --model guide --lengthen   goes on from the shipped weights with the terms that they have not had
     python -m flows.train_embedded --evaluate guide     what the shipped weights know
 
 `train_embedded` is the same as a Prefect flow.
@@ -53,12 +54,31 @@ def train_embedded(model: str, work: str = str(WORK), weights: str = str(WEIGHTS
     return str(train(model, Path(work), Path(weights)))
 
 
-def train(model: str, work: Path = WORK, weights: Path = WEIGHTS) -> Path:
-    """Makes the album, teaches the course, writes the weights; each part only as far as it is not there yet. Needs no Prefect server."""
-    course = COURSES[model]
+def train(model: str, work: Path = WORK, weights: Path = WEIGHTS, *, lengthen: bool = False) -> Path:
+    """Makes the album, teaches the course, writes the weights; each part only as far as it is not there yet. Needs no Prefect server.
+
+    Args:
+      lengthen: where there is no checkpoint, go on from the weights that are there, instead of from nothing.
+
+    Raises:
+      OtherCourse: a checkpoint, or the weights to go on from, are not of this course.
+    """
+    course, checkpoint = COURSES[model], work / f"{model}.npz"
+    if lengthen and not checkpoint.exists():
+        keep(checkpoint, course, go_on(course, weights / f"{model}.safetensors"))
     album = make_album(course, work / "pages")
-    taught = teach(model, course, album, work / f"{model}.npz")
-    return write_weights(taught, weights / f"{model}.safetensors")
+    taught = teach(model, course, album, checkpoint)
+    return write_weights(taught, course, weights / f"{model}.safetensors")
+
+
+def go_on(course: lessons.Course, path: Path) -> lessons.Progress:
+    """The first step of the terms that the weights of a file have not had. Raises: OtherCourse."""
+    read = read_weights(path)
+    had = {course.taught_by(step): step for step in course.starts}
+    step = had.get(read.metadata.get("taught_by", ""))
+    if step is None:
+        raise OtherCourse(f"expected weights that end a term of this course, got {path}, which another has taught: teach it from the start")
+    return lessons.begin_term(course, step, embedded.model_from_arrays(path.stem, read.arrays, read.metadata).params)
 
 
 def make_album(course: lessons.Course, folder: Path) -> Page:
@@ -123,10 +143,10 @@ def restore(path: Path, course: lessons.Course, fresh: lessons.Progress) -> less
     return jax.tree.unflatten(tree, leaves)
 
 
-def write_weights(model: embedded.Model, path: Path) -> Path:
-    """The model in half precision, with all that is needed to use it."""
+def write_weights(model: embedded.Model, course: lessons.Course, path: Path, *, step: int | None = None) -> Path:
+    """The model in half precision, with all that is needed to use it, and what taught it: the whole course, or its first `step` steps."""
     arrays, metadata = embedded.to_arrays(model)
-    write_file(path, save(arrays, metadata))
+    write_file(path, save(arrays, metadata | {"taught_by": course.taught_by(course.steps if step is None else step)}))
     return path
 
 
@@ -151,16 +171,19 @@ def main() -> None:
     parser.add_argument("--so-far", metavar="NAME", choices=COURSES, help="write the weights of the newest checkpoint")
     parser.add_argument("--work", type=Path, default=WORK, help="folder of pictures and checkpoints (default: %(default)s)")
     parser.add_argument("--weights", type=Path, default=WEIGHTS, help="folder of the weights (default: %(default)s)")
+    parser.add_argument("--lengthen", action="store_true", help="with --model: without a checkpoint, go on from the shipped weights")
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", force=True)  # the conductor has set its own
     if not (arguments.model or arguments.evaluate or arguments.so_far):
         parser.error("say what to do: --model NAME teaches, --evaluate NAME examines")
     if arguments.model:
-        print(train(arguments.model, arguments.work, arguments.weights))
+        print(train(arguments.model, arguments.work, arguments.weights, lengthen=arguments.lengthen))
     if name := arguments.so_far:
-        model, fresh = lessons.begin(COURSES[name])
-        progress = restore(arguments.work / f"{name}.npz", COURSES[name], fresh)
-        print(write_weights(lessons.taught(model, progress), arguments.weights / f"{name}.safetensors"))
+        course = COURSES[name]
+        model, fresh = lessons.begin(course)
+        progress = restore(arguments.work / f"{name}.npz", course, fresh)
+        file = arguments.weights / f"{name}.safetensors"
+        print(write_weights(lessons.taught(model, progress), course, file, step=int(progress.step)))
     if arguments.evaluate:
         print(json.dumps(report.examine(load(arguments.weights / f"{arguments.evaluate}.safetensors")), indent=2))
 

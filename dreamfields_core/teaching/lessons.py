@@ -30,10 +30,11 @@ from dreamfields_core.types import Array, Params
 
 @dataclass(frozen=True)
 class Term:
-    """Steps that belong together; a term begins with the averaged weights and a fresh optimiser.
+    """Steps that belong together; a term begins with what the one before would ship, and a fresh optimiser.
 
     rate: after `warm` steps; it falls to `last` times itself, a cosine.
     radius: of the L2 ball in pixel values that pictures are moved in, reached after `ramp` steps; 0 for plain lessons.
+    clean: share of the pictures that an adversarial term leaves where they are.
     alike: pictures of a batch that share colours, pattern and relation with one another, so that only the kind tells them apart.
     pairs: share of these groups that show two things at once, whose kinds are the hardest to tell; 0 takes them as often as they come.
     """
@@ -42,6 +43,7 @@ class Term:
     rate: float
     radius: float = 0.0
     ramp: int = 1
+    clean: float = 0.0
     alike: int = 1
     pairs: float = 0.0
     last: float = 0.01
@@ -139,13 +141,19 @@ def radius_of(course: Course) -> optax.Schedule:
     return optax.join_schedules(radii, list(course.starts[1:-1]))
 
 
+def begin_term(course: Course, step: int, model: Params) -> Progress:
+    """The state before a term's first step, with these weights as they ship, in half precision: whoever has the file can go on from it."""
+    params = {"model": jax.tree.map(lambda leaf: leaf.astype(jnp.float16).astype(jnp.float32), model)}
+    fresh = begin(course)[1]
+    params["questions"] = fresh.params["questions"]
+    return fresh._replace(step=jnp.int32(step), params=params, average=params)
+
+
 def enter_term(course: Course, progress: Progress) -> Progress:
-    """What a term begins with, where this step is a term's first: the averaged weights, a fresh optimiser. Else the progress as it is."""
+    """What a term begins with, where this step is a term's first. Else the progress as it is."""
     if int(progress.step) not in course.starts[1:-1]:
         return progress
-    return progress._replace(
-        params=progress.average, optimizer=_optimizer().init(progress.average), perturbation=jnp.zeros_like(progress.perturbation)
-    )
+    return begin_term(course, int(progress.step), progress.average["model"])
 
 
 class Class:
@@ -217,6 +225,7 @@ def make_step(course: Course, architecture: Architecture) -> Callable[[Progress,
     """The compiled step: (progress, batch) -> (progress, what to report)."""
     optimizer, rate, radius = _optimizer(), rate_of(course), radius_of(course)
     starts = jnp.array(course.starts[:-1])
+    clean = jnp.array([term.clean for term in course.terms])
     replays = jnp.array([course.replays if term.radius else 1 for term in course.terms])
 
     def loss(params: Params, images: Array, junk_key: Array, batch: Batch) -> tuple[Array, dict[str, Array]]:
@@ -240,16 +249,17 @@ def make_step(course: Course, architecture: Architecture) -> Callable[[Progress,
         replay = (number - starts[term]) % replays[term]
         key = jax.random.fold_in(jax.random.key(course.seed, impl="unsafe_rbg"), number - replay)
         pictures = jnp.asarray(batch.pictures, jnp.float32) / 255
-        clean = spoil(key, pictures)
+        spoiled = spoil(key, pictures)
         perturbation = jnp.where(replay > 0, progress.perturbation, 0)
-        images = jnp.clip(clean + perturbation, 0, 1)
+        images = jnp.clip(spoiled + perturbation, 0, 1)
         gradient = jax.grad(loss, argnums=(0, 1), has_aux=True)
         (slope, image_slope), report = gradient(progress.params, images, jax.random.fold_in(key, 1), batch)
         updates, state = optimizer.update(slope, progress.optimizer, progress.params)
         params = jax.tree.map(lambda p, u: p - rate(number) * u, progress.params, updates)
         keep = jnp.minimum(course.averaging, (1.0 + number) / (10.0 + number))
         average = jax.tree.map(lambda a, p: keep * a + (1 - keep) * p, progress.average, params)
-        perturbation = contrast.toward_ball(perturbation, image_slope, radius(number))
+        moved = jax.random.uniform(jax.random.fold_in(key, 2), (course.batch, 1, 1, 1)) >= clean[term]
+        perturbation = contrast.toward_ball(perturbation, image_slope, radius(number) * moved)
         return Progress(number + 1, params, average, state, perturbation), report
 
     return step

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 
 import jax
@@ -11,6 +12,7 @@ import pytest
 
 from dreamfields_core.teaching import album, contrast, lessons, spoiling
 from flows import train_embedded
+from storage.weights import read_weights
 
 TINY = {"image_size": 16, "dim": 16, "fine": 8, "coarse": 16, "fine_blocks": 1, "coarse_blocks": 1, "text_width": 16, "text_blocks": 1}
 COURSE = lessons.Course(
@@ -105,10 +107,23 @@ def test_robust_lessons_replay_their_batch_and_move_its_pictures(taught) -> None
     assert 0 < float(lengths.max()) <= COURSE.terms[1].radius + 1e-5
 
 
-def test_a_term_begins_with_the_averaged_weights(taught) -> None:
+def test_a_share_of_the_pictures_stays_clean(page) -> None:
+    course = replace(COURSE, terms=(lessons.Term(3, 1e-3, radius=1.0, clean=0.5),))
+    model, progress = lessons.begin(course)
+    pupils = lessons.Class(course, page.pictures, page.captions, model.architecture)
+    step, moved = lessons.make_step(course, model.architecture), []
+    for number in range(3):
+        progress, _ = step(progress, pupils.batch(number))
+        moved.append(np.sqrt((progress.perturbation**2).sum((1, 2, 3))) > 1e-5)
+    np.testing.assert_array_equal(*moved[1:])  # a replayed picture keeps its lot; the first step's radius is still 0
+    assert 0.2 < moved[-1].mean() < 0.8
+
+
+def test_a_term_begins_with_the_averaged_weights_as_they_ship(taught) -> None:
     states = taught[0]
     entered = lessons.enter_term(COURSE, states[COURSE.starts[1]])
-    jax.tree.map(np.testing.assert_array_equal, entered.params, states[COURSE.starts[1]].average)
+    shipped = jax.tree.map(lambda leaf: np.float32(np.float16(leaf)), states[COURSE.starts[1]].average["model"])
+    jax.tree.map(np.testing.assert_array_equal, entered.params["model"], shipped)
     assert all(not np.any(leaf) for leaf in jax.tree.leaves(entered.optimizer))
     assert lessons.enter_term(COURSE, states[5]) is states[5]
 
@@ -151,6 +166,31 @@ def test_a_flow_run_writes_weights_that_load(page, tmp_path, monkeypatch) -> Non
     encoder = train_embedded.load(path)
     assert (encoder.name, encoder.image_size, encoder.dim) == ("tiny", 16, 16)
     assert [p.name for p in (tmp_path / "weights").iterdir()] == ["tiny.safetensors"]
+
+
+def test_a_longer_course_goes_on_from_the_weights_as_from_the_checkpoint(page, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(train_embedded, "training_page", lambda seed, number: page)
+    short = replace(COURSE, terms=(FIRST,))
+    monkeypatch.setitem(train_embedded.COURSES, "tiny", short)
+    train_embedded.train("tiny", tmp_path / "work", tmp_path / "weights")
+    monkeypatch.setitem(train_embedded.COURSES, "tiny", replace(COURSE, terms=(FIRST, THIRD)))
+    shutil.copytree(tmp_path / "weights", tmp_path / "others")
+    lengthened = train_embedded.train("tiny", tmp_path / "elsewhere", tmp_path / "others", lengthen=True)
+    resumed = train_embedded.train("tiny", tmp_path / "work", tmp_path / "weights")
+    one, other = read_weights(lengthened), read_weights(resumed)
+    assert one.metadata == other.metadata
+    jax.tree.map(np.testing.assert_array_equal, one.arrays, other.arrays)
+
+
+def test_weights_of_another_course_are_not_gone_on_from(page, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(train_embedded, "training_page", lambda seed, number: page)
+    monkeypatch.setitem(train_embedded.COURSES, "tiny", replace(COURSE, terms=(FIRST,)))
+    weights = train_embedded.train("tiny", tmp_path / "work", tmp_path)
+    monkeypatch.setitem(train_embedded.COURSES, "tiny", replace(COURSE, seed=4))
+    before = weights.read_bytes()
+    with pytest.raises(train_embedded.OtherCourse, match="from the start"):
+        train_embedded.train("tiny", tmp_path / "new", tmp_path, lengthen=True)
+    assert weights.read_bytes() == before
 
 
 def test_contrast_forgives_captions_of_the_same_meaning() -> None:
