@@ -12,7 +12,7 @@ import pytest
 
 from dreamfields_core.teaching import album, contrast, lessons, spoiling
 from flows import train_embedded
-from storage.weights import read_weights
+from storage.weights import read_weights, shipped
 
 TINY = {"image_size": 16, "dim": 16, "fine": 8, "coarse": 16, "fine_blocks": 1, "coarse_blocks": 1, "text_width": 16, "text_blocks": 1}
 COURSE = lessons.Course(
@@ -191,6 +191,12 @@ def test_weights_of_another_course_are_not_gone_on_from(page, tmp_path, monkeypa
     with pytest.raises(train_embedded.OtherCourse, match="from the start"):
         train_embedded.train("tiny", tmp_path / "new", tmp_path, lengthen=True)
     assert weights.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", train_embedded.COURSES)
+def test_what_ships_has_had_its_whole_course(name: str) -> None:
+    course = train_embedded.COURSES[name]
+    assert read_weights(shipped(name)).metadata["taught_by"] == course.taught_by(course.steps)
 
 
 def test_contrast_forgives_captions_of_the_same_meaning() -> None:
