@@ -24,7 +24,9 @@ from safetensors.numpy import save
 from dreamfields_core.guidance import embedded
 from dreamfields_core.teaching import lessons, report
 from dreamfields_core.teaching.album import Page, training_page
+from dreamfields_core.teaching.batches import Class
 from dreamfields_core.teaching.courses import COURSES
+from dreamfields_core.teaching.terms import Course
 from dreamfields_core.types import Encoder
 from storage.local import write_file
 from storage.weights import read_weights
@@ -71,7 +73,7 @@ def train(model: str, work: Path = WORK, weights: Path = WEIGHTS, *, lengthen: b
     return write_weights(taught, course, weights / f"{model}.safetensors")
 
 
-def go_on(course: lessons.Course, path: Path) -> lessons.Progress:
+def go_on(course: Course, path: Path) -> lessons.Progress:
     """The first step of the terms that the weights of a file have not had. Raises: OtherCourse."""
     read = read_weights(path)
     had = {course.taught_by(step): step for step in course.starts}
@@ -81,7 +83,7 @@ def go_on(course: lessons.Course, path: Path) -> lessons.Progress:
     return lessons.begin_term(course, step, embedded.model_from_arrays(path.stem, read.arrays, read.metadata).params)
 
 
-def make_album(course: lessons.Course, folder: Path) -> Page:
+def make_album(course: Course, folder: Path) -> Page:
     """All captioned pictures of a course, from disk where they have been made before."""
     pages = [load_page(course.seed, number, folder) for number in range(course.pages)]
     return Page(np.concatenate([page.pictures for page in pages]), [caption for page in pages for caption in page.captions])
@@ -99,11 +101,11 @@ def load_page(seed: int, number: int, folder: Path) -> Page:
         return Page(stored["pictures"], [str(caption) for caption in stored["captions"]])
 
 
-def teach(name: str, course: lessons.Course, album: Page, checkpoint: Path) -> embedded.Model:
+def teach(name: str, course: Course, album: Page, checkpoint: Path) -> embedded.Model:
     """Takes the course from its newest checkpoint to its end."""
     model, progress = lessons.begin(course)
     progress = restore(checkpoint, course, progress)
-    pupils = lessons.Class(course, album.pictures, album.captions, model.architecture)
+    pupils = Class(course, album.pictures, album.captions, model.architecture)
     step = lessons.make_step(course, model.architecture)
     started, told = time.monotonic(), []
     for number in range(int(progress.step), course.steps):
@@ -116,7 +118,7 @@ def teach(name: str, course: lessons.Course, album: Page, checkpoint: Path) -> e
     return lessons.taught(model, progress)
 
 
-def report_progress(name: str, course: lessons.Course, step: int, told: list[dict], seconds: float) -> None:
+def report_progress(name: str, course: Course, step: int, told: list[dict], seconds: float) -> None:
     """Says how it goes, and stops what no longer learns."""
     means = {key: round(float(np.mean([float(said[key]) for said in told])), 3) for key in told[0]}
     if not np.isfinite(means["contrast"]):
@@ -124,13 +126,13 @@ def report_progress(name: str, course: lessons.Course, step: int, told: list[dic
     log.info("%s %d/%d %s, %.0f pictures a second", name, step, course.steps, json.dumps(means), course.batch * len(told) / seconds)
 
 
-def keep(path: Path, course: lessons.Course, progress: lessons.Progress) -> None:
+def keep(path: Path, course: Course, progress: lessons.Progress) -> None:
     """Writes a checkpoint, with what it was taught by; the old one stays until the new one is whole."""
     taught_by = np.array(course.taught_by(int(progress.step)))
     write_arrays(path, *(np.asarray(leaf) for leaf in jax.tree.leaves(progress)), taught_by=taught_by)
 
 
-def restore(path: Path, course: lessons.Course, fresh: lessons.Progress) -> lessons.Progress:
+def restore(path: Path, course: Course, fresh: lessons.Progress) -> lessons.Progress:
     """The checkpoint, or `fresh` where there is none. Raises: OtherCourse."""
     if not path.exists():
         return fresh
@@ -143,7 +145,7 @@ def restore(path: Path, course: lessons.Course, fresh: lessons.Progress) -> less
     return jax.tree.unflatten(tree, leaves)
 
 
-def write_weights(model: embedded.Model, course: lessons.Course, path: Path, *, step: int | None = None) -> Path:
+def write_weights(model: embedded.Model, course: Course, path: Path, *, step: int | None = None) -> Path:
     """The model in half precision, with all that is needed to use it, and what taught it: the whole course, or its first `step` steps."""
     arrays, metadata = embedded.to_arrays(model)
     write_file(path, save(arrays, metadata | {"taught_by": course.taught_by(course.steps if step is None else step)}))

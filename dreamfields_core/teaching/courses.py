@@ -6,7 +6,7 @@ share their colours, so that the kind has to be learned.
 
 from __future__ import annotations
 
-from dreamfields_core.teaching.lessons import Course, Term
+from dreamfields_core.teaching.terms import Course, Term
 
 COURSES: dict[str, Course] = {
     "guide": Course(

@@ -1,4 +1,4 @@
-"""A course: its terms, its steps, its state. Randomness follows from (seed, step), so that a resumed course is the same course.
+"""The steps of a course and its state. Randomness follows from (seed, step), so that a resumed course is the same course.
 
 Plain terms come first, then 'free' adversarial ones (Shafahi et al. 2019): each batch is replayed, and the gradient that teaches also
 moves the pictures to where the model errs. Robust encoders give gradients that look like objects.
@@ -6,100 +6,20 @@ moves the pictures to where the model errs. Robust encoders give gradients that 
 
 from __future__ import annotations
 
-import bisect
-import hashlib
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import optax
 
 from dreamfields_core.guidance import embedded
 from dreamfields_core.guidance.towers import Architecture, read, see
 from dreamfields_core.teaching import contrast, words
-from dreamfields_core.teaching.album import descriptions_of, facts
-from dreamfields_core.teaching.language import Description, paraphrase
-from dreamfields_core.teaching.pools import hard_negative, meaning
+from dreamfields_core.teaching.batches import Batch
 from dreamfields_core.teaching.spoiling import junk, spoil
+from dreamfields_core.teaching.terms import Course
 from dreamfields_core.types import Array, Params
-
-
-@dataclass(frozen=True)
-class Term:
-    """Steps that belong together; a term begins with what the one before would ship, and a fresh optimiser.
-
-    rate: after `warm` steps; it falls to `last` times itself, a cosine.
-    radius: of the L2 ball in pixel values that pictures are moved in, reached after `ramp` steps; 0 for plain lessons.
-    clean: share of the pictures that an adversarial term leaves where they are.
-    alike: pictures of a batch that share colours, pattern and relation with one another, so that only the kind tells them apart.
-    pairs: share of these groups that show two things at once, whose kinds are the hardest to tell; 0 takes them as often as they come.
-    """
-
-    steps: int
-    rate: float
-    radius: float = 0.0
-    ramp: int = 1
-    clean: float = 0.0
-    alike: int = 1
-    pairs: float = 0.0
-    last: float = 0.01
-    warm: int = 100
-
-
-@dataclass(frozen=True)
-class Course:
-    """What makes a model what it is.
-
-    seed: of weights, batches and pictures; two courses with different seeds share no picture.
-    sizes: fields of `Architecture`.
-    pages: of the album, 1 024 pictures each.
-    replays: how often a batch of an adversarial term is seen, each counting as a step.
-    """
-
-    seed: int
-    terms: tuple[Term, ...]
-    sizes: Mapping[str, Any] = field(default_factory=dict)
-    pages: int = 64
-    batch: int = 64
-    replays: int = 3
-    averaging: float = 0.998
-    facts_weight: float = 1.0
-
-    @property
-    def starts(self) -> tuple[int, ...]:
-        """The first step of each term, and the end."""
-        return (0, *np.cumsum([term.steps for term in self.terms]).tolist())
-
-    @property
-    def steps(self) -> int:
-        return self.starts[-1]
-
-    def term_of(self, step: int) -> tuple[Term, int]:
-        """The term that a step belongs to, and the step's number in it."""
-        number = bisect.bisect_right(self.starts, step, hi=len(self.terms)) - 1
-        return self.terms[number], step - self.starts[number]
-
-    def taught_by(self, step: int) -> str:
-        """sha256, in hexadecimal, of what the first `step` steps depend on but the pictures; terms that have not begun may still change."""
-        begun = bisect.bisect_left(self.starts, step, hi=len(self.terms))
-        lasting = {name: value for name, value in asdict(self).items() if name not in ("pages", "terms")}
-        terms = [asdict(term) for term in self.terms[:begun]]
-        return hashlib.sha256(json.dumps([lasting, terms], sort_keys=True).encode()).hexdigest()
-
-
-class Batch(NamedTuple):
-    """pictures: uint8 [B, size, size, 4]. tokens, wrong: [B, length]. meaning, wrong_meaning: [B]. facts: [B, questions]."""
-
-    pictures: np.ndarray
-    tokens: np.ndarray
-    wrong: np.ndarray
-    meaning: np.ndarray
-    wrong_meaning: np.ndarray
-    facts: np.ndarray
 
 
 class Progress(NamedTuple):
@@ -154,71 +74,6 @@ def enter_term(course: Course, progress: Progress) -> Progress:
     if int(progress.step) not in course.starts[1:-1]:
         return progress
     return begin_term(course, int(progress.step), progress.average["model"])
-
-
-class Class:
-    """The captioned pictures of a course, and the batch of any step."""
-
-    def __init__(self, course: Course, pictures: np.ndarray, captions: Sequence[str], architecture: Architecture):
-        self.course, self.pictures = course, pictures
-        self.descriptions = descriptions_of(captions)
-        self.facts = np.stack([facts(description) for description in self.descriptions])
-        looks = [look(description) for description in self.descriptions]
-        number = {name: i for i, name in enumerate(dict.fromkeys(looks))}
-        self.look = np.array([number[name] for name in looks])
-        order = np.argsort(self.look, kind="stable")
-        self.two = np.flatnonzero([description.other is not None for description in self.descriptions])
-        self.alike = np.split(order, np.cumsum(np.bincount(self.look))[:-1])
-        self.tokenize = embedded.tokenizer(words.vocabulary(), architecture.length)
-        self.length = architecture.length
-
-    def batch(self, step: int) -> Batch:
-        """The batch of a step; in robust lessons the same one for `replays` steps."""
-        course = self.course
-        term, number = course.term_of(step)
-        lesson = step - number % course.replays if term.radius else step
-        rng = np.random.default_rng([course.seed, 7, lesson])
-        chosen = self._choose(rng, term)
-        said = [self.descriptions[i] for i in chosen]
-        wrong = [hard_negative(rng, description) for description in said]
-        return Batch(
-            self.pictures[chosen],
-            self.tokenize([self._caption(rng, description) for description in said]),
-            self.tokenize([self._caption(rng, description) for description in wrong]),
-            np.array([fingerprint(description) for description in said], np.int32),
-            np.array([fingerprint(description) for description in wrong], np.int32),
-            self.facts[chosen],
-        )
-
-    def _choose(self, rng: np.random.Generator, term: Term) -> np.ndarray:
-        """Which pictures a batch shows, [B]: groups of `term.alike` that share all but the kinds, as far as there are so many."""
-        chosen = rng.integers(len(self.pictures), size=self.course.batch)
-        for start in range(0, len(chosen), term.alike):
-            if term.pairs and rng.random() < term.pairs and len(self.two):
-                chosen[start] = rng.choice(self.two)
-            group = self.alike[self.look[chosen[start]]]
-            count = min(term.alike, len(chosen) - start)
-            if term.alike > 1 and len(group) >= count:
-                chosen[start : start + count] = rng.choice(group, count, replace=False)
-        return chosen
-
-    def _caption(self, rng: np.random.Generator, description: Description) -> str:
-        """A paraphrase short enough to be read whole."""
-        while True:
-            caption = paraphrase(rng, description)
-            if len(embedded.words_of(caption)) <= self.length:
-                return caption
-
-
-def look(description: Description) -> tuple:
-    """All that a caption says but kinds and size."""
-    things = [(t.color, t.pattern, t.part_color) for t in (description.thing, description.other) if t]
-    return (description.relation, *things)
-
-
-def fingerprint(description: Description) -> int:
-    """A number that captions of the same meaning share, and hardly any others."""
-    return int.from_bytes(hashlib.sha256(repr(meaning(description)).encode()).digest()[:4], "big") >> 1
 
 
 def make_step(course: Course, architecture: Architecture) -> Callable[[Progress, Batch], tuple[Progress, dict[str, Array]]]:

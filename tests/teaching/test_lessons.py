@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 
 from dreamfields_core.teaching import album, contrast, lessons, spoiling
+from dreamfields_core.teaching.batches import Class
+from dreamfields_core.teaching.terms import Course, Term
 from flows import train_embedded
 from storage.weights import read_weights, shipped
 
 TINY = {"image_size": 16, "dim": 16, "fine": 8, "coarse": 16, "fine_blocks": 1, "coarse_blocks": 1, "text_width": 16, "text_blocks": 1}
-COURSE = lessons.Course(
+COURSE = Course(
     seed=3,
     sizes=TINY,
     batch=16,
-    terms=(lessons.Term(24, 1e-2, last=0.3), lessons.Term(6, 1e-3, radius=1.0, ramp=2, alike=4)),
+    terms=(Term(24, 1e-2, last=0.3), Term(6, 1e-3, radius=1.0, ramp=2, alike=4)),
     replays=3,
     pages=1,
 )
@@ -34,7 +36,7 @@ def page() -> album.Page:
 def taught(page: album.Page):
     """(state after every step, reports)."""
     model, progress = lessons.begin(COURSE)
-    pupils = lessons.Class(COURSE, page.pictures, page.captions, model.architecture)
+    pupils = Class(COURSE, page.pictures, page.captions, model.architecture)
     step = lessons.make_step(COURSE, model.architecture)
     states, reports = [progress], []
     for number in range(COURSE.steps):
@@ -61,7 +63,7 @@ def test_a_course_resumed_from_disk_is_the_same_to_the_bit(taught, tmp_path) -> 
 
 
 FIRST, SECOND = COURSE.terms
-THIRD = lessons.Term(10, 1e-3)
+THIRD = Term(10, 1e-3)
 
 
 @pytest.mark.parametrize(
@@ -108,9 +110,9 @@ def test_robust_lessons_replay_their_batch_and_move_its_pictures(taught) -> None
 
 
 def test_a_share_of_the_pictures_stays_clean(page) -> None:
-    course = replace(COURSE, terms=(lessons.Term(3, 1e-3, radius=1.0, clean=0.5),))
+    course = replace(COURSE, terms=(Term(3, 1e-3, radius=1.0, clean=0.5),))
     model, progress = lessons.begin(course)
-    pupils = lessons.Class(course, page.pictures, page.captions, model.architecture)
+    pupils = Class(course, page.pictures, page.captions, model.architecture)
     step, moved = lessons.make_step(course, model.architecture), []
     for number in range(3):
         progress, _ = step(progress, pupils.batch(number))
@@ -139,8 +141,8 @@ def test_a_step_belongs_to_one_term() -> None:
 def test_pictures_of_a_group_differ_in_kind_alone(page) -> None:
     colors = ["red", "blue"]
     captions = [f"a {color} {kind}" for color in colors for kind in ("cube", "cone", "egg", "mug", "star", "tree")]
-    pupils = lessons.Class(COURSE, page.pictures[:12], captions, lessons.begin(COURSE)[0].architecture)
-    rng, grouped, single = np.random.default_rng(0), lessons.Term(1, 1e-3, alike=4), lessons.Term(1, 1e-3)
+    pupils = Class(COURSE, page.pictures[:12], captions, lessons.begin(COURSE)[0].architecture)
+    rng, grouped, single = np.random.default_rng(0), Term(1, 1e-3, alike=4), Term(1, 1e-3)
     for _ in range(20):
         groups = pupils._choose(rng, grouped).reshape(-1, 4) // 6
         assert (groups == groups[:, :1]).all()
@@ -149,10 +151,10 @@ def test_pictures_of_a_group_differ_in_kind_alone(page) -> None:
 
 def test_a_term_may_show_two_things_at_once_more_often_than_they_come(page) -> None:
     captions = ["a red cube on top of a blue cone", "a red egg on top of a blue mug", *["a red cube", "a red cone"] * 10]
-    pupils = lessons.Class(COURSE, page.pictures[:22], captions, lessons.begin(COURSE)[0].architecture)
+    pupils = Class(COURSE, page.pictures[:22], captions, lessons.begin(COURSE)[0].architecture)
     rng, shares = np.random.default_rng(0), {}
     for pairs in (0.0, 0.5, 1.0):
-        term = lessons.Term(1, 1e-3, alike=2, pairs=pairs)
+        term = Term(1, 1e-3, alike=2, pairs=pairs)
         shares[pairs] = np.mean([pupils._choose(rng, term)[::2] < 2 for _ in range(100)])
     assert shares[1.0] == 1
     assert shares[0.0] == pytest.approx(2 / 22, abs=0.04)
