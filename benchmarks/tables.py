@@ -22,10 +22,12 @@ from benchmarks.record import RESULTS, Result, leave
 from dreamfields_core.judging.tables import Estimate
 from dreamfields_core.reporting.contract import Entry, Report, Row
 from dreamfields_core.reporting.statistics import by_variant, improvement, precision, retrieval, similarity
+from flows.order import sweep_key
 from flows.sweep_plain import sweep_plainly
 from flows.sweep_plan import Plan, plan_sweep
-from flows.sweep_record import entries, sweeps
+from flows.sweep_record import entries
 from flows.sweep_report import report_of
+from storage.steps import find_record
 from storage.store import open_store
 from tasks.encoders import card
 
@@ -59,8 +61,8 @@ def agreement(rows: Sequence[Row], groups: dict[str, list[Entry]], judge: str) -
         better, worse = (one.name, other.name) if apart > 0 else (other.name, one.name)
         ours = improvement(groups[better], groups[worse], judge, "random", "field")
         if ours:
-            beyond = abs(ours.mean) > ours.error
-            found[ORDERS[(0 if beyond else 1) if ours.mean > 0 else (3 if beyond else 2)]].append([better, worse])
+            order = "as the paper" if ours.mean > 0 else "against the paper"
+            found[order if abs(ours.mean) > ours.error else f"{order}, within the error"].append([better, worse])
     return found
 
 
@@ -113,7 +115,8 @@ def main() -> None:
     if sweep_plainly(plan):
         raise SystemExit("expected every object of the table, got some that could not be dreamed: see above, then run it again")
     store = open_store(plan.store)
-    record = next(found for found in sweeps(store) if found.values["name"] == plan.name)
+    record = find_record(store, "sweep", sweep_key(plan.name))
+    assert record is not None  # the sweep has just kept it
     result = result_of(plan, report_of(record, list(entries(record, store, plan.out))))
     command = f"python -m benchmarks.tables {arguments.table}"
     path = leave(arguments.table, result, command=command, folder=arguments.results)

@@ -63,9 +63,8 @@ def radius_of(course: Course) -> optax.Schedule:
 
 def begin_term(course: Course, step: int, model: Params) -> Progress:
     """The state before a term's first step, with these weights as they ship, in half precision: whoever has the file can go on from it."""
-    params = {"model": jax.tree.map(lambda leaf: leaf.astype(jnp.float16).astype(jnp.float32), model)}
     fresh = begin(course)[1]
-    params["questions"] = fresh.params["questions"]
+    params = fresh.params | {"model": jax.tree.map(lambda leaf: leaf.astype(jnp.float16).astype(jnp.float32), model)}
     return fresh._replace(step=jnp.int32(step), params=params, average=params)
 
 
