@@ -8,27 +8,19 @@ of steps is what the dense dream would have taken. The difference in cosine is t
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from benchmarks import scenes
+from benchmarks.courses import Dream, Sample, judge_of
 from benchmarks.drawing import sheet
-from benchmarks.timing import Times
 from dreamfields_core.config import DreamConfig, ResidualMLPConfig, SkipConfig, override
 from dreamfields_core.dreaming.program import DreamProgram
-from dreamfields_core.dreaming.state import DreamState
 from dreamfields_core.judging.retrieval import mean_with_error
 from dreamfields_core.presets import preset
-from dreamfields_core.rendering.images import on_white, view_renderer
-from dreamfields_core.scene.cameras import poses_at
-from dreamfields_core.types import Array
 from storage.digests import json_digest
 from tasks.encoders import load_encoder
 
@@ -42,8 +34,6 @@ CAPTIONS = (
     "an orange cone",
     "a white table",
 )
-LOOKS = 10
-"""Times that the judge looks in the course of a dream."""
 
 
 @dataclass(frozen=True)
@@ -59,26 +49,6 @@ class Options:
     every: int = 50
     rate: float = 5e-4
     settings: tuple[str, ...] = ("seed=0",)
-
-
-@dataclass
-class Course:
-    """How one dream went: times of its steps, shares of samples evaluated, and (step, seconds, cosine) each time the judge looked."""
-
-    times: Times = field(default_factory=Times)
-    evaluated: list[float] = field(default_factory=list)
-    looks: list[tuple[int, float, float]] = field(default_factory=list)
-
-    def row(self) -> dict[str, Any]:
-        return {
-            "steps": len(self.times.wall),
-            "wall_s": round(sum(self.times.wall), 2),
-            "processor_s": round(sum(self.times.processor), 2),
-            "a step": self.times.row(),
-            "evaluated_mean": round(float(np.mean(self.evaluated)), 4),
-            "cosine": self.looks[-1][2],
-            "looks": [(step, round(spent, 2), round(cosine, 4)) for step, spent, cosine in self.looks],
-        }
 
 
 def run(options: Options) -> dict[str, Any]:
@@ -99,22 +69,17 @@ def run(options: Options) -> dict[str, Any]:
 
 
 def compared(caption: str, programs: dict[str, DreamProgram], options: Options) -> dict[str, Any]:
-    """One caption, dreamed every way."""
-    config = programs["hybrid"].config
-    text, look = scenes.text_embedding(programs["hybrid"].encoder, caption), judge_of(config, caption)
-    dense = Times()
-    if options.dense == "sampled":
-        compiled(programs["dense"], text)
-        beside = partial(_sample, programs["dense"], text, dense, options.every)
-        courses = {"skipping": dream(programs["skipping"], text, look, beside=beside)}
-    else:
-        courses = {name: dream(programs[name], text, look) for name in ("skipping", "dense")}
-    courses["hybrid"] = dream(programs["hybrid"], text, look)
-    row: dict[str, Any] = {"caption": caption, **{name: course.row() for name, course in courses.items()}}
-    if dense.wall:
-        mean = {clock: float(np.mean(getattr(dense, clock))) for clock in ("wall", "processor")}
-        row["dense"] = {"steps": 0, **{f"{clock}_s": round(options.steps * mean[clock], 2) for clock in mean}, "sampled": dense.row()}
-    return row
+    """One caption, dreamed every way; the dreams take turns, a step each, so that what else the machine does falls on all of them."""
+    text, look = scenes.text_embedding(programs["hybrid"].encoder, caption), judge_of(programs["hybrid"].config, caption)
+    dreams = {name: Dream(program, text, look) for name, program in programs.items() if name != "dense" or options.dense == "whole"}
+    beside = None if "dense" in dreams else Sample(programs["dense"], text, options.every)
+    while under_way := [dream for dream in dreams.values() if not dream.is_over]:
+        if beside:
+            beside(dreams["skipping"].state)
+        for dream in under_way:
+            dream.advance()
+    row: dict[str, Any] = {"caption": caption, **{name: dream.course.row() for name, dream in dreams.items()}}
+    return row | ({"dense": beside.row(options.steps)} if beside else {})
 
 
 def ways(options: Options) -> dict[str, DreamConfig]:
@@ -146,55 +111,6 @@ def headline(rows: list[dict[str, Any]]) -> dict[str, float | None]:
         "cosine_standard_error": error if error is not None and np.isfinite(error) else None,
         "captions": len(rows),
     }
-
-
-Look = Callable[[DreamProgram, DreamState], float]
-"""What the judge says of the held-out views: the mean cosine with the caption."""
-
-
-def judge_of(config: DreamConfig, caption: str) -> Look:
-    """The judge that the preset names, in the preset's held-out views."""
-    evaluate = config.evaluate
-    judge = load_encoder(evaluate.judge)
-    words = scenes.text_embedding(judge, caption)
-    poses = poses_at(evaluate.azimuths, evaluate.elevation, radius=evaluate.radius, focal=evaluate.focal)
-    encode = jax.jit(judge.encode_image)
-
-    def look(program: DreamProgram, state: DreamState) -> float:
-        render = program.config.render
-        see = view_renderer(
-            program.field, state.params, state.origin, state.occupancy, samples=render.samples, bound=config.scene.bound, skip=render.skip
-        )
-        size = evaluate.size or judge.image_size
-        views = [on_white(see(jax.tree.map(lambda leaf, view=view: leaf[view], poses), size)) for view in range(len(evaluate.azimuths))]
-        return float(jnp.mean(encode(judge.params, jnp.asarray(np.stack(views), jnp.float32)) @ words))
-
-    return look
-
-
-def dream(program: DreamProgram, text: Array, look: Look, *, beside: Callable[[DreamState], None] | None = None) -> Course:
-    """A dream from start to end; only its steps are timed. beside: done before each step, with its state."""
-    course, state, steps = Course(), program.start(), program.config.optim.steps
-    compiled(program, text)
-    for number in range(steps):
-        if beside is not None:
-            beside(state)
-        state, metrics = course.times.add(partial(program.step, state, text))
-        course.evaluated.append(float(metrics["evaluated"]))
-        if (number + 1) % max(1, steps // LOOKS) == 0 or number + 1 == steps:
-            course.looks.append((number + 1, sum(course.times.processor), look(program, state)))
-    return course
-
-
-def compiled(program: DreamProgram, text: Array) -> None:
-    """One step on a state that nobody needs."""
-    jax.block_until_ready(program.step(program.start(), text))
-
-
-def _sample(program: DreamProgram, text: Array, times: Times, every: int, state: DreamState) -> None:
-    """One dense step in `every`, timed and thrown away."""
-    if int(state.step) % every == 0:
-        times.add(partial(program.step, jax.tree.map(jnp.copy, state), text))
 
 
 def plot(result: dict[str, Any], path: Path) -> None:

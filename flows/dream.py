@@ -15,8 +15,8 @@ from flows.order import take_order
 from flows.page import Progress, show_result
 from flows.result import fulfil
 from storage.store import open_store
-from tasks.conducted import as_task, is_done, record_of
-from tasks.step import Done, Input, Place, Step
+from tasks.conducted import as_task, record_of
+from tasks.step import Done, Input, Place, Step, is_done
 
 Caption = Annotated[str, Field(min_length=1, max_length=LONGEST, description='What to dream, for instance "a red mushroom".')]
 Candidate = Annotated[str, Field(min_length=1, description="As retrieval writes a caption, which may be longer than what is dreamed.")]
@@ -52,7 +52,7 @@ def dream(
       out: folder in which the dream gets one of its own.
       among: captions that the judge chooses from; by default those of the embedded models' language.
       judges: further judges.
-      score_only: no pictures and no mesh, only the field and its score.
+      score_only: only the field and its score; no pictures and no mesh are made.
 
     Returns:
       What result.json says.
@@ -91,6 +91,9 @@ class ByPrefect:
         task, cached = self._task(step, inputs)
         future = task.submit(self._config, inputs)
         return lambda: Done(record_of(future.result()), cached)
+
+    def has(self, step: Step, **inputs: Input) -> bool:
+        return is_done(step, self._place, self._config, inputs)
 
     def under(self, config: DreamConfig) -> ByPrefect:
         return ByPrefect(self._place, config)

@@ -43,6 +43,9 @@ class Anew:
         done = self(step, **inputs)
         return lambda: done
 
+    def has(self, step: Step, **inputs: Input) -> bool:
+        return self._conduct.has(step, **inputs)
+
     def under(self, config: DreamConfig) -> Anew:
         return Anew(self._conduct.under(config))
 

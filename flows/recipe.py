@@ -11,7 +11,7 @@ from dreamfields_core.config import DreamConfig
 from flows.beside import Beside
 from storage.artifacts import ArtifactRef
 from tasks.encoders import card
-from tasks.step import Done, Input, Place, Step, perform
+from tasks.step import Done, Input, Place, Step, is_done, perform
 from tasks.steps import ENCODE, MESH, MESH_SCORE, OPTIMIZE, RENDER, SCORE, VIEWS
 
 
@@ -61,6 +61,9 @@ class Conductor(Protocol):
     def start(self, step: Step, **inputs: Input) -> Callable[[], Done]:
         """Begin a step beside others; call what comes back for its result."""
 
+    def has(self, step: Step, **inputs: Input) -> bool:
+        """Whether the step is done already."""
+
     def under(self, config: DreamConfig) -> Conductor:
         """The same for another configuration."""
 
@@ -81,16 +84,20 @@ def make_object(
     """Encode the caption, optimise a field for it, render and mesh the field side by side, and score what came out.
 
     pool: captions that the judge chooses from, where the usual ones do not fit (tasks/pools.py). judges: further ones.
-    score_only: no pictures and no mesh, only what a table reports: the field's score.
+    score_only: what a table reports, the field's score, needs neither pictures nor a mesh: none are made. Where both are there already,
+    they stay the object's, and the mesh is scored too.
     """
     guide, judge = card(config.guidance.name), card(config.evaluate.judge)
     words = conduct(ENCODE, caption=caption, guide=guide.digest)
     dreamt = conduct(OPTIMIZE, text_embedding=words.output("text_embedding.npy"), guide=guide.digest)
     field = dreamt.output("field.safetensors")
-    rendering = None if score_only else conduct.start(RENDER, field=field, caption=caption)
+    shown: dict[str, Input] = {"field": field, "caption": caption}
+    meshed = shown | {"guide": guide.digest}
+    score_only = score_only and not (conduct.has(RENDER, **shown) and conduct.has(MESH, **meshed))
+    rendering = None if score_only else conduct.start(RENDER, **shown)
     try:
         views = conduct(VIEWS, field=field, size=config.evaluate.size or judge.image_size)
-        mesh = None if score_only else conduct(MESH, field=field, caption=caption, guide=guide.digest)
+        mesh = None if score_only else conduct(MESH, **meshed)
     except Exception:
         if rendering:  # it would go on beside the next object, or crash an interpreter that ends
             with suppress(Exception):
@@ -149,6 +156,9 @@ class Plainly:
     def start(self, step: Step, **inputs: Input) -> Callable[[], Done]:
         """On a thread of its own."""
         return Beside(lambda: self(step, **inputs)).result
+
+    def has(self, step: Step, **inputs: Input) -> bool:
+        return is_done(step, self._place, self._config, inputs)
 
     def under(self, config: DreamConfig) -> Plainly:
         return Plainly(self._place, config)

@@ -13,7 +13,7 @@ from prefect.context import TaskRunContext
 from prefect.states import Completed, State
 
 from dreamfields_core.config import DreamConfig
-from storage.steps import StepRecord, find_record
+from storage.steps import StepRecord
 from tasks.retries import DELAYS, is_passing
 from tasks.step import Input, Place, Step, key_of, perform
 
@@ -47,11 +47,6 @@ def as_task(step: Step, place: Place) -> Task[..., TaskResult]:
 
 def _try_again(task: Any, run: Any, state: State) -> bool:
     return is_passing(state.data)
-
-
-def is_done(step: Step, place: Place, config: DreamConfig, inputs: Mapping[str, Input]) -> bool:
-    """Whether the store has the step whole."""
-    return find_record(place.store, step.name, key_of(step, config, inputs)) is not None
 
 
 def record_of(result: TaskResult) -> StepRecord:

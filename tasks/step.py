@@ -135,6 +135,11 @@ def key_of(step: Step, config: DreamConfig, inputs: Mapping[str, Input]) -> str:
     return json_digest({"step": step.name, "version": step.version, "config": parts(config, step.reads), "inputs": _digests(inputs)})
 
 
+def is_done(step: Step, place: Place, config: DreamConfig, inputs: Mapping[str, Input]) -> bool:
+    """Whether the store has the step whole."""
+    return find_record(place.store, step.name, key_of(step, config, inputs)) is not None
+
+
 def perform(step: Step, place: Place, config: DreamConfig, inputs: Mapping[str, Input]) -> Done:
     """Do the step, unless it is done; of several processes that are asked at once, one does it and the others wait.
 

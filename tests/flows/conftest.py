@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from storage.contract import Store
+from storage.store import open_store
 from tests.tasks.processes import Process
 from tests.tasks.tiny import SETTINGS
 
@@ -54,3 +56,15 @@ def again(dreamt: Path, tmp_path: Path) -> Dreams:
     """A copy of the finished dream's store, to be changed at will."""
     shutil.copytree(dreamt, tmp_path / "again")
     return Dreams(tmp_path / "again")
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    """An empty one, in a folder."""
+    return open_store(tmp_path / "store")
+
+
+@pytest.fixture
+def to(tmp_path: Path) -> Path:
+    """The folder that a pull brings assets to; not there yet."""
+    return tmp_path / "assets"

@@ -18,8 +18,8 @@ from dreamfields_core.captions import LONGEST, normalize
 from dreamfields_core.config import DreamConfig
 from flows.dream import dream
 from storage.store import open_store
-from tasks.conducted import as_task, is_done, record_of
-from tasks.step import Made, Place, Step, Work, perform
+from tasks.conducted import as_task, record_of
+from tasks.step import Made, Place, Step, Work, is_done, perform
 from tests.flows.conftest import CAPTION, Dreams
 from tests.tasks.processes import REPO
 from tests.tasks.tiny import SETTINGS

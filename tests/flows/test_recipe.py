@@ -14,9 +14,37 @@ from storage.contract import Store
 from storage.steps import StepRecord
 from storage.store import open_store
 from tasks.step import Done, Input, Step
-from tasks.steps import MESH, VIEWS
+from tasks.steps import MESH, RENDER, VIEWS
 
 FILES = ("text_embedding.npy", "field.safetensors", "glimpses.npz", "views.npz", "mesh.glb")
+
+
+def done(store: Store, step: Step) -> Done:
+    """As if the step had been done."""
+    outputs = tuple(put_artifact(store, name, name.encode(), "text/plain") for name in FILES)
+    return Done(StepRecord(step.name, 1, "key", outputs=outputs), cached=False)
+
+
+class WritesDown:
+    """Every step succeeds; some are there already."""
+
+    def __init__(self, store: Store, there: tuple[Step, ...]) -> None:
+        self._store, self._there = store, there
+        self.asked: list[str] = []
+
+    def __call__(self, step: Step, **inputs: Input) -> Done:
+        self.asked.append(step.name)
+        return done(self._store, step)
+
+    def start(self, step: Step, **inputs: Input) -> Callable[[], Done]:
+        return lambda: self(step, **inputs)
+
+    def has(self, step: Step, **inputs: Input) -> bool:
+        assert inputs.keys() >= {"field", "caption"}, "asked before there is a field to render"
+        return step in self._there
+
+    def under(self, config: DreamConfig) -> WritesDown:
+        return self
 
 
 class Fails:
@@ -29,8 +57,7 @@ class Fails:
     def __call__(self, step: Step, **inputs: Input) -> Done:
         if step is self._wrong:
             raise ValueError(f"{step.name} went wrong")
-        outputs = tuple(put_artifact(self._store, name, name.encode(), "text/plain") for name in FILES)
-        return Done(StepRecord(step.name, 1, "key", outputs=outputs), cached=False)
+        return done(self._store, step)
 
     def start(self, step: Step, **inputs: Input) -> Callable[[], Done]:
         def result() -> Done:
@@ -38,6 +65,9 @@ class Fails:
             raise RuntimeError(f"{step.name} went wrong too")
 
         return result
+
+    def has(self, step: Step, **inputs: Input) -> bool:
+        return False
 
     def under(self, config: DreamConfig) -> Fails:
         return self
@@ -49,3 +79,15 @@ def test_what_was_begun_beside_is_awaited_before_an_error_is_told(wrong: Step, t
     with pytest.raises(ValueError, match=f"^{wrong.name} went wrong$"):
         make_object(conduct, "a red mushroom", DreamConfig())
     assert conduct.awaited == ["render"]
+
+
+@pytest.mark.parametrize(
+    "there", [(), (RENDER,), (MESH,), (RENDER, MESH)], ids=lambda there: "+".join(step.name for step in there) or "nothing"
+)
+def test_a_score_makes_no_picture_and_no_mesh_but_keeps_those_that_are_there(there: tuple[Step, ...], tmp_path: Path) -> None:
+    conduct = WritesDown(open_store(tmp_path), there)
+    made = make_object(conduct, "a red mushroom", DreamConfig(), score_only=True)
+    whole = there == (RENDER, MESH)
+    assert (made.pictures is not None) == (made.mesh is not None) == (made.score.mesh is not None) == whole
+    assert {"encode", "optimize", "views", "score"} <= set(conduct.asked)
+    assert {"render", "mesh", "mesh_score"} & set(conduct.asked) == ({"render", "mesh", "mesh_score"} if whole else set())

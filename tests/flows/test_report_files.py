@@ -20,14 +20,8 @@ from flows.result import find_made
 from storage.artifacts import get_artifact
 from storage.contract import Store
 from storage.steps import StepRecord, put_record
-from storage.store import open_store
 from tests.flows.swept import SIDE, STEPS, keep_dream, keep_scored
 from tests.reporting.objects import JUDGE, entry, result
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Store:
-    return open_store(tmp_path / "store")
 
 
 @pytest.fixture

@@ -108,6 +108,20 @@ def test_what_was_only_scored_becomes_whole_without_being_dreamed_again(tmp_path
     assert process.end() == 0 and "1 there already, 0 to dream" in process.text(), process.text()
 
 
+def test_scored_anew_an_object_keeps_its_pictures_and_its_mesh(again: Path) -> None:
+    store, out = open_store(again / "dreams" / "store"), again / "dreams"
+    meshes = {key: store.get(key) for step in ("render", "mesh") for key in store.list(f"artifacts/{step}")}
+    for step in ("score", "mesh_score", "dream"):  # as another judge would find it
+        for key in store.list(f"artifacts/{step}"):
+            store.delete(key)
+    process = sweep(again, "--score-only")
+    assert process.end() == 1 and "0 there already, 2 to dream" in process.text(), process.text()
+    assert meshes == {key: store.get(key) for step in ("render", "mesh") for key in store.list(f"artifacts/{step}")}
+    assert all("mesh" in record.values["scores"]["embedded-judge"] for record in records(store)) and len(records(store)) == 2
+    (page,) = out.glob("*.html")
+    assert page.read_text().count("/turntable.webp") >= 2
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at processes through /proc")
 def test_ctrl_c_saves_and_says_how_to_go_on(again: Path) -> None:
     process = sweep(again, "--seeds", "5", "--set", "optim.steps=5000", "--set", "optim.checkpoint_every=5000")
