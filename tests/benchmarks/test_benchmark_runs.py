@@ -77,14 +77,19 @@ def test_assets(tmp_path: Path) -> None:
     assert all("expected an object" in row["said"] for row in found["empty"])
 
 
-def test_dream(tmp_path: Path) -> None:
+@pytest.mark.parametrize("dense", ["sampled", "whole"])
+def test_dream(tmp_path: Path, dense: str) -> None:
     settings = [*SETTINGS, "render.size=8", "render.crop=7"]
-    found = run("dream", "--captions", "1", "--steps", "6", "--dense", "sampled", "--every", "3", "--settings", *settings, folder=tmp_path)
+    found = run("dream", "--captions", "1", "--steps", "6", "--dense", dense, "--every", "3", "--settings", *settings, folder=tmp_path)
     assert found["headline"].keys() >= {"speedup", "speedup_hybrid", "cosine_difference", "cosine_standard_error"}
-    assert found["headline"]["speedup"] > 0 and found["headline"]["cosine_difference"] is None
     row = found["rows"][0]
-    assert row["skipping"]["steps"] == row["hybrid"]["steps"] == 6 and row["dense"]["sampled"]["wall_s"]["count"] == 2
-    assert -1 <= row["skipping"]["cosine"] <= 1
+    assert found["headline"]["speedup"] > 0 and -1 <= row["skipping"]["cosine"] <= 1
+    assert row["skipping"]["steps"] == row["hybrid"]["steps"] == 6
+    if dense == "sampled":
+        assert row["dense"]["sampled"]["wall_s"]["count"] == 2 and found["headline"]["cosine_difference"] is None
+    else:
+        assert row["dense"]["steps"] == len(row["dense"]["looks"]) == 6 and row["dense"]["evaluated_mean"] == 1
+        assert found["headline"]["cosine_difference"] == pytest.approx(row["skipping"]["cosine"] - row["dense"]["cosine"])
 
 
 def test_report(tmp_path: Path) -> None:
