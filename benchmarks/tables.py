@@ -1,6 +1,6 @@
 """A table of the paper, dreamed with the embedded models at draft size, and how far it agrees with the paper.
 
-    python -m benchmarks.tables table3 --out dreams        the sweep of that table, as far as it is not there; then its figures
+    python -m benchmarks.tables table3 --out dreams        the sweep of that table, as far as it is not there; then its figures and pictures
 
 The sweep is that of `dreamfields sweep --table table3 --score-only`, so it goes on where that one was stopped. What can agree is the
 order of the rows: for every two rows whose figures in the paper lie further apart than their standard errors together, ours do so too,
@@ -17,12 +17,17 @@ from math import hypot
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchmarks.drawing import sheet
 from benchmarks.record import RESULTS, Result, leave
 from dreamfields_core.judging.tables import Estimate
+from dreamfields_core.rendering.pictures import webp
 from dreamfields_core.reporting.contract import Entry, Report, Row
+from dreamfields_core.reporting.pictures import montage, still
 from dreamfields_core.reporting.statistics import by_variant, improvement, precision, retrieval, similarity
 from flows.order import sweep_key
+from flows.report import POSTER
 from flows.sweep_plain import sweep_plainly
 from flows.sweep_plan import Plan, plan_sweep
 from flows.sweep_record import entries
@@ -33,6 +38,8 @@ from tasks.encoders import card
 
 ORDERS = ("as the paper", "as the paper, within the error", "against the paper, within the error", "against the paper")
 """What becomes of two rows that the paper tells apart."""
+SIDE = 64
+"""Pixels of an object's picture."""
 
 
 def figures(report: Report, judge: str) -> list[Result]:
@@ -94,6 +101,20 @@ def plot(result: Result, path: Path) -> None:
         panel.set_xlabel("R-Precision, %, with its standard error")
 
 
+def pictures(report: Report, out: Path) -> np.ndarray:
+    """What the judge saw first of every object, uint8 [H, W, 3]: a line for each row, captions from left to right, seed after seed.
+
+    out: the folder that the entries' files are relative to.
+    """
+    groups = by_variant(report.entries)
+    lines = [groups[row.name] for row in report.rows if not row.reference]
+    return montage([_seen(entry, out) for line in lines for entry in line], columns=max(map(len, lines)), side=SIDE, gap=2)
+
+
+def _seen(entry: Entry, out: Path) -> np.ndarray:
+    return still((out / entry.files[POSTER]).read_bytes()) if POSTER in entry.files else np.full((SIDE, SIDE, 3), 255, np.uint8)
+
+
 def _object(entry: Entry, judge: str) -> Result:
     said: dict[str, Any] = {pool: retrieval(entry, judge, pool, "field") or {} for pool in ("random", "hard")}
     ranks = {f"rank, {pool}": found.get("rank") for pool, found in said.items()}
@@ -109,7 +130,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", help="a name in flows/tables")
     parser.add_argument("--out", type=Path, default=Path("dreams"), help="folder of the store and of the page")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of the JSON and its plot")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of the JSON, its plot and the pictures")
     arguments = parser.parse_args()
     plan = plan_sweep(table=arguments.table, out=arguments.out, score_only=True)
     if sweep_plainly(plan):
@@ -117,10 +138,12 @@ def main() -> None:
     store = open_store(plan.store)
     record = find_record(store, "sweep", sweep_key(plan.name))
     assert record is not None  # the sweep has just kept it
-    result = result_of(plan, report_of(record, list(entries(record, store, plan.out))))
+    report = report_of(record, list(entries(record, store, plan.out)))
+    result = result_of(plan, report)
     command = f"python -m benchmarks.tables {arguments.table}"
     path = leave(arguments.table, result, command=command, folder=arguments.results)
     plot(json.loads(path.read_text(encoding="utf-8")), path.with_suffix(".png"))
+    path.with_suffix(".webp").write_bytes(webp(pictures(report, plan.out)))
     print(json.dumps({"headline": result["headline"], "rows": result["rows"]}, indent=1))
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks import tables
+from dreamfields_core.rendering.pictures import webp
 from dreamfields_core.reporting.contract import Entry, Figure, Report, Row
 from dreamfields_core.reporting.statistics import by_variant
 
@@ -53,3 +56,13 @@ def test_figures_and_their_plot(tmp_path: Path) -> None:
     assert [one["paper"] for one in said] == [{"mean": 0.4, "error": 0.01}, None]
     tables.plot(json.loads(json.dumps({"rows": said})), tmp_path / "plot.png")
     assert (tmp_path / "plot.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_pictures_are_a_line_for_each_row_and_white_where_there_is_none(tmp_path: Path) -> None:
+    (tmp_path / "red.webp").write_bytes(webp(np.full((8, 8, 3), (255, 0, 0), np.uint8)))
+    shown = [replace(entry, files={"poster.webp": "red.webp"}) for entry in entries("good", range(3))]
+    rows = (Row("true pictures", reference=True), row("bad", 40), row("good", 60))
+    seen = tables.pictures(Report("t", (*entries("true pictures", range(3)), *entries("bad", range(3)), *shown), rows, ("j",)), tmp_path)
+    side = tables.SIDE
+    assert seen.shape == (2 * side + 2, 10 * (side + 2) - 2, 3) and (seen[:side] == 255).all()
+    assert (abs(seen[side + 2 :, ::2].astype(int) - (255, 0, 0)).max(axis=-1).mean(axis=0)[: side // 2] < 8).all()
