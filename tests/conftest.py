@@ -8,6 +8,7 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import signal
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,6 +45,10 @@ os.environ.update(
     JAX_NUMPY_RANK_PROMOTION="raise",
 )
 (CACHE / "matplotlib").mkdir(parents=True, exist_ok=True)
+
+# What a shell begins in the background ignores Ctrl-C, and so would every command that a test begins and interrupts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 import hypothesis  # noqa: E402
 import jax  # noqa: E402
