@@ -32,6 +32,7 @@ th, td { padding: .34rem .8rem .34rem 0; text-align: left; vertical-align: basel
 thead th { font-weight: 600; vertical-align: bottom; border-bottom-color: var(--quiet); color: var(--quiet); white-space: nowrap; }
 thead th[colspan] { border-bottom: 1px solid var(--line); }
 tbody th { font-weight: 500; }
+.results :is(th, td) { padding-right: .6rem; }
 .results tbody th { position: sticky; left: 0; background: var(--paper); min-width: 9rem; z-index: 1; }
 .failures tbody th { min-width: 10rem; } .failures td:last-child { min-width: 16rem; }
 .results .number, .night .number { white-space: nowrap; }
