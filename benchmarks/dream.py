@@ -74,7 +74,7 @@ def compared(caption: str, programs: dict[str, DreamProgram], options: Options) 
     dreams = {name: Dream(program, text, look) for name, program in programs.items() if name != "dense" or options.dense == "whole"}
     beside = None if "dense" in dreams else Sample(programs["dense"], text, options.every)
     while under_way := [dream for dream in dreams.values() if not dream.is_over]:
-        if beside:
+        if beside and not dreams["skipping"].is_over:
             beside(dreams["skipping"].state)
         for dream in under_way:
             dream.advance()
