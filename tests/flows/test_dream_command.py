@@ -8,7 +8,6 @@ import resource
 import signal
 import sys
 import time
-import urllib.request
 from pathlib import Path
 
 import pytest
@@ -110,7 +109,7 @@ def test_a_signal_when_nothing_can_be_lost_ends_at_once(again: Dreams) -> None:
 
 
 @linux
-def test_a_full_disk_is_one_sentence(dreams: Dreams, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_one_sentence(dreams: Dreams) -> None:
     """A limit on the size of files stands for the disk: what is small goes on being written, a checkpoint does not."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
@@ -124,20 +123,10 @@ def test_a_full_disk_is_one_sentence(dreams: Dreams, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.slow
-def test_an_object_store_holds_the_same_and_resumes(dreams: Dreams, dreamt: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from moto.server import ThreadedMotoServer
-
-    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    address = "http://{}:{}".format(*server.get_host_and_port())
-    for name, value in {"ENDPOINT_URL": address, "REGION": "us-east-1", "ACCESS_KEY_ID": "test", "SECRET_ACCESS_KEY": "test"}.items():
-        monkeypatch.setenv(f"AWS_{name}", value)
-    monkeypatch.setenv("AWS_ALLOW_HTTP", "true")
-    urllib.request.urlopen(urllib.request.Request(f"{address}/bucket", method="PUT")).close()
-    process = dreams.start("--store", "s3://bucket/dreams")
+def test_an_object_store_holds_the_same_and_resumes(dreams: Dreams, dreamt: Path, s3: str) -> None:
+    process = dreams.start("--store", f"{s3}/dreams")
     process.until("optimize 6/12")
     process.kill()
-    text, result, _ = dreams.dream("--store", "s3://bucket/dreams")
+    text, result, _ = dreams.dream("--store", f"{s3}/dreams")
     before = json.loads(next(dreamt.glob("*/result.json")).read_text())
     assert result["artifacts"] == before["artifacts"] and result["scores"] == before["scores"], text
-    server.stop()

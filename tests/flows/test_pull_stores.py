@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import urllib.request
 from pathlib import Path
 
 import pytest
@@ -60,26 +59,17 @@ def test_pruning_deletes_what_an_earlier_pull_let_stand(store: Store, to: Path, 
 
 
 @pytest.mark.slow
-def test_an_object_store_gives_the_same(store: Store, to: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from moto.server import ThreadedMotoServer
-
-    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    address = "http://{}:{}".format(*server.get_host_and_port())
-    for name, value in {"ENDPOINT_URL": address, "REGION": "us-east-1", "ACCESS_KEY_ID": "test", "SECRET_ACCESS_KEY": "test"}.items():
-        monkeypatch.setenv(f"AWS_{name}", value)
-    urllib.request.urlopen(urllib.request.Request(f"{address}/pulled", method="PUT")).close()
-    remote = open_store("s3://pulled/dreams")
+def test_an_object_store_gives_the_same(store: Store, to: Path, s3: str) -> None:
+    remote = open_store(f"{s3}/dreams")
     for seed in range(10):
         keep_dream(remote, seed=seed)
         keep_dream(store, seed=seed)
-    assert counts(pull("s3://pulled/dreams", to)) == (10, 0, 0, 0, 0)
+    assert counts(pull(f"{s3}/dreams", to)) == (10, 0, 0, 0, 0)
     counting = Counting(remote)
     assert counts(pull(counting, to)) == (0, 0, 0, 10, 0) and counting.read == []
     pull(store, to / "local")
     strip = {name: {**about, "store": ""} for name, about in objects(to).items()}
     assert strip == {name: {**about, "store": ""} for name, about in objects(to / "local").items()}
-    server.stop()
 
 
 def test_a_folder_may_collect_from_several_stores(store: Store, to: Path, tmp_path: Path) -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import subprocess
 import sys
-import urllib.request
-import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -17,33 +14,13 @@ from storage.contract import Store
 from storage.store import open_store
 
 REPO = Path(__file__).resolve().parents[2]
-BUCKET = "dreams"
-
-
-@pytest.fixture(scope="session")
-def s3() -> Iterator[str]:
-    """The address of an empty bucket; the environment names its server."""
-    from moto.server import ThreadedMotoServer
-
-    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # a line a request is no concern of these tests
-    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    host, port = server.get_host_and_port()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
-        patch.setenv("AWS_REGION", "us-east-1")
-        patch.setenv("AWS_ACCESS_KEY_ID", "test")
-        patch.setenv("AWS_SECRET_ACCESS_KEY", "test")
-        urllib.request.urlopen(urllib.request.Request(f"http://{host}:{port}/{BUCKET}", method="PUT")).close()
-        yield f"s3://{BUCKET}"
-    server.stop()
 
 
 @pytest.fixture(params=["local", "memory", "s3"])
 def store(request: pytest.FixtureRequest, tmp_path: Path) -> Store:
     """A new, empty store."""
     if request.param == "s3":
-        return open_store(f"{request.getfixturevalue('s3')}/{uuid.uuid4().hex}")
+        return open_store(f"{request.getfixturevalue('s3')}/store")
     return open_store(tmp_path / "store" if request.param == "local" else "memory://")
 
 
