@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from dreamfields_core.config import EncodingConfig
+from dreamfields_core.fields.waves import sine_cosine
 from dreamfields_core.precision import in_float32
 from dreamfields_core.types import Array, Gaussians
 
@@ -63,7 +64,7 @@ def point_encoding(frequencies: Array, points: Array) -> Array:
     """The position and sin(omega x), cos(omega x) at points [N, 3] (NeRF equation 4); [N, 3 + 2 F]."""
     frequencies, points = in_float32((frequencies, points))
     phase = jnp.matmul(points, frequencies.T, precision=jax.lax.Precision.HIGHEST)
-    return jnp.concatenate([points, jnp.sin(phase), jnp.cos(phase)], axis=-1)
+    return jnp.concatenate([points, *sine_cosine(phase)], axis=-1)
 
 
 def integrated_encoding(frequencies: Array, gaussians: Gaussians) -> Array:
@@ -74,4 +75,5 @@ def integrated_encoding(frequencies: Array, gaussians: Gaussians) -> Array:
     frequencies, gaussians = in_float32((frequencies, gaussians))
     phase = jnp.matmul(gaussians.means, frequencies.T, precision=jax.lax.Precision.HIGHEST)
     damping = jnp.exp(-0.5 * projected_variance(frequencies, gaussians))
-    return jnp.concatenate([gaussians.means, damping * jnp.sin(phase), damping * jnp.cos(phase)], axis=-1)
+    sine, cosine = sine_cosine(phase)
+    return jnp.concatenate([gaussians.means, damping * sine, damping * cosine], axis=-1)
