@@ -19,6 +19,7 @@ from benchmarks.record import RESULTS, leave
 
 BENCHMARKS = {
     "step": "one optimisation step, skipping against dense: seconds and gradient",
+    "sample": "a sample of the residual network: its waves, its evaluation and gradient, by the size of a chunk",
     "render": "held-out pictures: error against field evaluations and seconds, order of convergence",
     "dream": "whole dreams, skipping against dense and against the hybrid field: seconds and the judge's cosine",
     "mesh": "iso-surface, coarse to fine against the whole lattice: evaluations, seconds, error",

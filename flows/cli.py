@@ -123,7 +123,10 @@ report_command.register(app)
 def bench(
     context: typer.Context,
     name: Annotated[
-        str, typer.Argument(help="step, render, dream, mesh, assets, encoder, store or report; its options follow (benchmarks/NAME.py).")
+        str,
+        typer.Argument(
+            help="step, sample, render, dream, mesh, assets, encoder, store or report; its options follow (benchmarks/NAME.py)."
+        ),
     ],
     out: Annotated[Path | None, typer.Option(help="Folder of the JSON and the plot; benchmarks/results if none.")] = None,
 ) -> None:

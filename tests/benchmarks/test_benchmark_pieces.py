@@ -137,6 +137,14 @@ def test_the_store_benchmark(tmp_path: Path) -> None:
     assert (tmp_path / "store.png").stat().st_size > 5000
 
 
+def test_the_sample_benchmark(tmp_path: Path) -> None:
+    arguments = ["--samples", "300", "--learned", "10", "--chunks", "64", "256", "--angles", "4000", "--rounds", "1"]
+    found = json.loads(bench("sample", arguments, folder=tmp_path).read_text(encoding="utf-8"))
+    assert found["headline"]["waves_error"] < 2e-7 and set(found["chunks"]) == {"64", "256"}
+    assert all(row["learn_us"] > 0 and row["forward_us"] > 0 for row in found["chunks"].values())
+    assert (tmp_path / "sample.png").stat().st_size > 5000
+
+
 def test_a_store_that_believes_anything_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from storage.store import open_store
 
@@ -197,5 +205,5 @@ def test_records_refuse_what_says_nothing(tmp_path: Path) -> None:
 def test_options_and_names() -> None:
     options = read_options("step", step.Options, ["--poses", "2", "--ways", "ours", "--settings", "render.size=8", "seed=3"])
     assert options.poses == 2 and options.ways == ("ours",) and options.settings == ("render.size=8", "seed=3") and options.first == 3
-    with pytest.raises(UnknownBenchmark, match=r'among step, render, .*, got "stpe"'):
+    with pytest.raises(UnknownBenchmark, match=r'among step, sample, .*, got "stpe"'):
         bench("stpe", [])
