@@ -18,6 +18,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from tasks.large_pages import with_large_pages
+
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 60.0
 """Seconds that a child has for saving, once it is told to end, before it is killed."""
@@ -43,7 +45,7 @@ class Child:
             stderr=self._words,
             text=True,
             cwd=Path.cwd(),
-            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
+            env=with_large_pages({**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}),
             start_new_session=True,
         )
         assert self._process.stdin is not None

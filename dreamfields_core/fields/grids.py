@@ -29,6 +29,8 @@ def resampling_matrix(coarse: int, fine: int) -> np.ndarray:
 
 def resample(grid: Array, *, resolution: int) -> Array:
     """Trilinear resampling of [g+1, g+1, g+1, C] to [G+1, G+1, G+1, C], one axis after another."""
+    if grid.shape[0] == resolution + 1:  # three products with the identity cost as much as any others
+        return grid
     matrix = jnp.asarray(resampling_matrix(grid.shape[0] - 1, resolution))
     grid = jnp.einsum("xi,ijkc->xjkc", matrix, grid, precision=HIGHEST)
     grid = jnp.einsum("yj,xjkc->xykc", matrix, grid, precision=HIGHEST)
@@ -57,7 +59,13 @@ def read_grid(grid: Array, points: Array, *, bound: float) -> Array:
 
 def total_variation(grid: Array) -> Array:
     """Mean squared difference between neighbouring vertices, summed over the axes; []."""
-    return sum((jnp.mean(jnp.diff(grid, axis=axis) ** 2) for axis in range(grid.ndim - 1)), start=jnp.zeros(()))
+    return sum((jnp.mean((_without(grid, 0, axis) - _without(grid, -1, axis)) ** 2) for axis in range(grid.ndim - 1)), start=jnp.zeros(()))
+
+
+def _without(grid: Array, end: int, axis: int) -> Array:
+    """All but the first (0) or last (-1) vertices along an axis. Slices: the gradient of jnp.diff takes four times as long."""
+    begin = 0 if end else 1
+    return jax.lax.slice_in_dim(grid, begin, begin + grid.shape[axis] - 1, axis=axis)
 
 
 def _share(fraction: Array, side: int) -> Array:
