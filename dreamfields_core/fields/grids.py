@@ -59,12 +59,13 @@ def read_grid(grid: Array, points: Array, *, bound: float) -> Array:
 
 def total_variation(grid: Array) -> Array:
     """Mean squared difference between neighbouring vertices, summed over the axes; []."""
-    return sum((jnp.mean((_without(grid, 0, axis) - _without(grid, -1, axis)) ** 2) for axis in range(grid.ndim - 1)), start=jnp.zeros(()))
+    return sum(
+        (jnp.mean((_neighbours(grid, 1, axis) - _neighbours(grid, 0, axis)) ** 2) for axis in range(grid.ndim - 1)), start=jnp.zeros(())
+    )
 
 
-def _without(grid: Array, end: int, axis: int) -> Array:
-    """All but the first (0) or last (-1) vertices along an axis. Slices: the gradient of jnp.diff takes four times as long."""
-    begin = 0 if end else 1
+def _neighbours(grid: Array, begin: int, axis: int) -> Array:
+    """All vertices along an axis but the last (begin 0) or the first (1). Slices: the gradient of jnp.diff takes four times as long."""
     return jax.lax.slice_in_dim(grid, begin, begin + grid.shape[axis] - 1, axis=axis)
 
 
